@@ -180,6 +180,93 @@ fn rotation_radius_friction_and_forces_are_those_of_the_equations() {
     }
 }
 
+/// A magnetic field, a buoyancy and a tracer on both surfaces: the equations of the same text, Casimirs, tables,
+/// figures.
+#[test]
+fn carried_fields_are_those_of_the_equations() {
+    let torus = (
+        "hamiltonian = -dot(w, L^-1*w) - k*dot(a, L*a) + dot(a, a)/10 + k*b_re_0_1/2;",
+        ["w_re_1_0", "w_im_1_1", "a_re_0_1", "a_im_1_m1", "b_re_1_1", "c_im_1_0"],
+        "zeitlin(3)",
+        "2*",
+    );
+    let sphere = (
+        "hamiltonian = -1/2*dot(w, L^-1*w) - k/2*dot(a, L*a) + dot(a, L^2*a)/50 + k*b_c_1_0/2;",
+        ["w_c_1_0", "w_s_2_1", "a_c_2_2", "a_s_1_1", "b_c_2_1", "c_s_2_2"],
+        "zeitlin_sphere(3)",
+        "",
+    );
+    for (terms, modes, algebra, factor) in [torus, sphere] {
+        // Equations begin anywhere unless they are told.
+        let labels = match factor {
+            "" => ["c_1_0", "c_1_1", "s_1_1", "c_2_0", "c_2_1", "s_2_1", "c_2_2", "s_2_2"],
+            _ => ["re_0_1", "im_0_1", "re_1_m1", "im_1_m1", "re_1_0", "im_1_0", "re_1_1", "im_1_1"],
+        };
+        let all = ["w", "a", "b", "c"].into_iter().flat_map(|f| labels.map(|label| format!("{f}_{label}")));
+        let value = |name: &str| modes.iter().position(|m| *m == name).map_or(0, |at| at + 1);
+        let initial: String = all.map(|name| format!("initial {name} = {}/5;", value(&name))).collect();
+        let model = |name: &str, scene: &str| {
+            format!(
+                "model {name} {{ param k = 0.7; algebra fluid = {algebra}; /// Vorticity [1/s].
+                 momentum w in fluid as w_*; action right; /// Potential.
+                 advected a in fluid as a_* by ad; /// Buoyancy [m/s^2].
+                 advected b in fluid as b_* by ad; advected c in fluid as c_* by functions; let L = laplacian(fluid);
+                 {terms} casimir A3 = trace_power(fluid, a, 3); output D2 = {factor}dot(w, star_power(fluid, a, 2));
+                 {initial} {scene} }}"
+            )
+        };
+        let (equations, products) = (model("equations", ""), model("products", PRODUCTS));
+        let products = products.replace("want matrices", "want matrices, A3, D2");
+        let files = [("equations.hamel", equations), ("products.hamel", products)];
+        let folder = Folder::new(&format!("carried-{}", &algebra[..8]), &files);
+        let table = |file: &str, options: &[&str]| {
+            let arguments = ["simulate", file, "--t-final", "1", "--samples", "3", "-o", "a.csv"];
+            folder.done(&[&arguments, options].concat(), "");
+            let text = std::fs::read_to_string(folder.0.join("a.csv")).unwrap();
+            let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+            let names = lines.next().unwrap();
+            let last = lines.next_back().unwrap();
+            let at = |name: &str| last[names.iter().position(|n| n == name).unwrap()].parse::<f64>().unwrap();
+            modes.iter().chain(&["energy"]).map(|name| at(name)).collect::<Vec<f64>>()
+        };
+        for set in [&[][..], &["--set", "k=0.3"]] {
+            let expected = table("equations.hamel", set);
+            let off = |step: &str| {
+                let found = table("products.hamel", &[&["--step", step], set].concat());
+                found.iter().zip(&expected).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
+            };
+            let (coarse, fine) = (off("0.02"), off("0.01"));
+            assert!(fine < 1e-3 && (3.5..4.5).contains(&(coarse / fine)), "{algebra}: {coarse:e}, {fine:e}");
+        }
+        let fields = ["w", "a", "b", "c"].into_iter();
+        let names = fields.flat_map(|f| labels.map(|label| format!("{f}_{label}"))).enumerate();
+        let filled = names.map(|(at, name)| format!("\"{name}\": 0.{}", (7 * at + at * at / 8) % 10));
+        let filled = filled.collect::<Vec<_>>().join(", ");
+        let request = format!("{{\"initial\": {{{filled}}}, \"t_final\": 1, \"step\": 0.05}}");
+        let answer = folder.json("products.hamel", &request);
+        let ends = |name: &str| {
+            let ends = answer["casimirs"][name].as_array().unwrap();
+            (ends[0].as_f64().unwrap() - ends[1].as_f64().unwrap()).abs()
+        };
+        // The buoyancy changes the product with the vorticity.
+        assert!(ends("A3") < 1e-13 && ends("D2") > 1e-6, "{answer}");
+        // A row of pictures for each field.
+        folder.done(&["simulate", "products.hamel", "--step", "0.05", "--t-final", "1", "-o", "a.svg"], "");
+        let figure = std::fs::read_to_string(folder.0.join("a.svg")).unwrap();
+        assert_eq!(figure.split("<image ").count() - 1, 4 * 6);
+        for title in ["Vorticity [1/s]", "Potential", "Buoyancy [m/s²]"] {
+            assert!(figure.contains(title), "{algebra}: {title}");
+        }
+        folder.done(&["report", "products.hamel", "--step", "0.05", "-o", "a.html"], "");
+        let page = std::fs::read_to_string(folder.0.join("a.html")).unwrap();
+        assert!(page.contains("ideal fluid that carries a, b, c"));
+        folder.done(&["generate", "products.hamel", "--out-dir", "out"], "");
+        assert!(
+            std::fs::read_to_string(folder.0.join("out/products.rs")).unwrap().contains(".with_carried(3)")
+        );
+    }
+}
+
 #[test]
 fn any_size_is_simulated_and_generated() {
     let modes = [("re_1_0".to_owned(), 0.5), ("im_1_2".to_owned(), 0.3)];

@@ -3,10 +3,11 @@
 //! Does not know: who asks for a motion, texts of models.
 
 use hamel_expr::{Rational, rational_to_f64};
-use hamel_lang::spec::{FluidWave, MatrixFluid};
+use hamel_lang::spec::{CarriedField, FluidField, FluidTrace, FluidWave, MatrixFluid};
 use hamel_runtime::Error;
 use hamel_runtime::matrices::{
-    Damped, Friction, IsospectralMidpoint, Laplacian, MatrixMut, MatrixRef, Options, Sphere, Stream, Torus,
+    Current, Damped, Friction, IsospectralMidpoint, Laplacian, MatrixMut, MatrixRef, Options, Sphere, Stream,
+    Torus,
 };
 
 /// The stream function of a fluid, without its constant part.
@@ -19,6 +20,12 @@ pub fn stream(fluid: &MatrixFluid) -> Stream {
 pub fn friction(fluid: &MatrixFluid) -> Friction {
     let coefficients = fluid.friction.iter().map(rational_to_f64).enumerate();
     coefficients.fold(Friction::none(), |friction, (k, c)| friction.with(k, c))
+}
+
+/// The current of a carried field without its constant part, where the field has an energy.
+pub fn current(field: &CarriedField) -> Option<Current> {
+    let coefficients = field.current.iter().map(rational_to_f64).enumerate();
+    field.is_active().then(|| coefficients.fold(Current::none(), |current, (k, c)| current.with(k, c)))
 }
 
 /// A surface whose modes have the names of the model language.
@@ -106,17 +113,26 @@ pub enum Solver<'s, S> {
 }
 
 impl<'s, S: Modes> Solver<'s, S> {
-    /// Places the fluid at rest, with its background, its friction and its force; `surface` may have another size.
+    /// Places the fluid at rest, with its background, its carried fields, its friction and its force; `surface` may
+    /// have another size.
     ///
     /// # Errors
     /// Options and numbers that the runtime refuses.
     pub fn new(fluid: &MatrixFluid, surface: &'s S, options: Options) -> Result<Self, Error> {
-        let has_background = !fluid.background.is_empty();
-        let options = if has_background { options.with_background() } else { options };
+        let options = options.with_carried(fluid.carried.len());
+        let options = if fluid.has_background() { options.with_background() } else { options };
         let room = IsospectralMidpoint::<S, Vec<f64>>::storage(surface.n(), &options);
         let mut ideal = IsospectralMidpoint::new(surface, vec![0.0; room], 0.0, options)?;
         for term in &fluid.background {
             surface.add(term.wave, rational_to_f64(&term.value), ideal.background_mut());
+        }
+        for (k, field) in fluid.carried.iter().enumerate() {
+            if let Some(current) = current(field) {
+                ideal.set_current(k, current)?;
+            }
+            for term in &field.constant {
+                surface.add(term.wave, rational_to_f64(&term.value), ideal.constant_current_mut(k));
+            }
         }
         if !fluid.is_damped() {
             return Ok(Solver::Ideal(ideal));
@@ -145,6 +161,51 @@ impl<'s, S: Modes> Solver<'s, S> {
         }
     }
 
+    /// The matrix of a field.
+    pub fn field(&self, field: FluidField) -> MatrixRef<'_> {
+        match field {
+            FluidField::Vorticity => self.fluid().vorticity(),
+            FluidField::Carried(k) => self.fluid().carried(k),
+        }
+    }
+
+    /// The matrix of a field to write.
+    pub fn field_mut(&mut self, field: FluidField) -> MatrixMut<'_> {
+        match field {
+            FluidField::Vorticity => self.fluid_mut().vorticity_mut(),
+            FluidField::Carried(k) => self.fluid_mut().carried_mut(k),
+        }
+    }
+
+    /// The Casimirs of the model, and its outputs.
+    pub fn casimirs(&mut self, fluid: &MatrixFluid) -> Vec<f64> {
+        let mut values = vec![0.0; fluid.casimirs.len()];
+        let fields = (0..fluid.carried.len()).map(FluidField::Carried);
+        let powers =
+            std::iter::once(FluidField::Vorticity).chain(fields).map(|field| FluidTrace::Power(field, 0));
+        let crosses = (0..fluid.carried.len()).map(|k| FluidTrace::Cross(k, 0));
+        for family in powers.chain(crosses) {
+            let of_family = |trace: &FluidTrace| trace.with_power(0) == family;
+            let all = fluid.casimirs.iter().map(|casimir| &casimir.trace);
+            let most = all.filter(|trace| of_family(trace)).map(FluidTrace::power).max().unwrap_or(0);
+            let mut traces = vec![0.0; most];
+            match family {
+                _ if most == 0 => continue,
+                FluidTrace::Power(FluidField::Vorticity, _) => self.fluid_mut().casimirs(&mut traces),
+                FluidTrace::Power(FluidField::Carried(k), _) => {
+                    self.fluid_mut().carried_casimirs(k, &mut traces)
+                }
+                FluidTrace::Cross(k, _) => self.fluid_mut().cross_casimirs(k, &mut traces),
+            }
+            for (value, casimir) in values.iter_mut().zip(&fluid.casimirs) {
+                if of_family(&casimir.trace) {
+                    *value = rational_to_f64(&casimir.factor) * traces[casimir.trace.power() - 1];
+                }
+            }
+        }
+        values
+    }
+
     /// The energy of the model.
     pub fn energy(&mut self) -> f64 {
         self.fluid_mut().energy() / S::ENERGY
@@ -156,6 +217,11 @@ impl<'s, S: Modes> Solver<'s, S> {
             Solver::Ideal(ideal) => ideal.derivative(),
             Solver::Damped(damped) => damped.derivative(),
         }
+    }
+
+    /// The derivative of a carried field.
+    pub fn carried_derivative(&mut self, k: usize) -> MatrixRef<'_> {
+        self.fluid_mut().carried_derivative(k)
     }
 
     /// Moves the fluid to a time.

@@ -6,7 +6,7 @@
 use expect_test::expect_file;
 use hamel_codegen::config::Bundle;
 use hamel_codegen::error::Error;
-use hamel_codegen::spec::{self, MatrixFluid};
+use hamel_codegen::spec::{self, FluidField, FluidTrace, MatrixFluid};
 use hamel_codegen::{Config, certify};
 use hamel_runtime::matrices::{Damped, IsospectralMidpoint, Options, Sphere, Torus};
 use num_rational::BigRational;
@@ -26,9 +26,15 @@ mod turning {
     include!("fluids/turning.rs");
 }
 
+/// A fluid that carries a magnetic field, a buoyancy and a tracer.
+mod magnetic {
+    include!("fluids/magnetic.rs");
+}
+
 const TORUS: &str = include_str!("fluids/torus.hamel");
 const SPHERE: &str = include_str!("fluids/sphere.hamel");
 const TURNING: &str = include_str!("fluids/turning.hamel");
+const MAGNETIC: &str = include_str!("fluids/magnetic.hamel");
 
 fn read(name: &str, text: &str) -> MatrixFluid {
     spec::matrix_fluid(name, text).unwrap_or_else(|e| panic!("{e}")).expect("a fluid of matrices")
@@ -46,6 +52,7 @@ fn the_modules_are_the_ones_that_were_compiled() {
     expect_file!["fluids/torus.rs"].assert_eq(&module("torus", TORUS));
     expect_file!["fluids/sphere.rs"].assert_eq(&module("sphere", SPHERE));
     expect_file!["fluids/turning.rs"].assert_eq(&module("turning", TURNING));
+    expect_file!["fluids/magnetic.rs"].assert_eq(&module("magnetic", MAGNETIC));
 }
 
 #[test]
@@ -125,6 +132,76 @@ fn a_fluid_with_friction_begins_and_goes_on_as_the_model_says() {
     assert!((before - after).abs() > 1e-3, "{before} {after}");
 }
 
+#[test]
+fn a_fluid_with_fields_begins_and_goes_on_as_the_model_says() {
+    let surface = magnetic::surface(vec![0.0; Torus::<Vec<f64>>::storage(magnetic::N)]).unwrap();
+    let options = Options::fixed(0.01).with_carried(3).with_background();
+    let room = vec![0.0; IsospectralMidpoint::<Torus<Vec<f64>>, Vec<f64>>::storage(magnetic::N, &options)];
+    let mut fluid = magnetic::fluid(&surface, room, options).unwrap();
+    assert_eq!(magnetic::CARRIED, ["a", "b", "c"]);
+    let modes = magnetic::modes(&fluid);
+    assert!(modes.iter().zip(magnetic::INITIAL).all(|(x, y)| (x - y).abs() < 1e-14), "{modes:?}");
+    // Half of the waves: squares by |m|^2, and times it, and the buoyancy that there is none of at the height.
+    let energy = 0.09 / 5.0 + 1.5 * (0.25 + 0.0225 * 5.0) + (0.25 + 0.0225) / 10.0;
+    assert!((magnetic::energy(&mut fluid) - energy).abs() < 1e-14);
+    let before = magnetic::casimirs(&mut fluid);
+    assert!((before[0] - 2.0 * (0.25 + 0.0225)).abs() < 1e-14, "{before:?}");
+    fluid.integrate_to(1.0).unwrap();
+    let after = magnetic::casimirs(&mut fluid);
+    let change = |k: usize| (after[k] - before[k]).abs();
+    // Casimirs of single fields are kept; the buoyancy changes traces of the vorticity with the other field.
+    assert!(change(0) < 1e-14 && change(1) < 1e-14, "{before:?} {after:?}");
+    assert!(change(5) > 1e-3, "{before:?} {after:?}");
+    // The cross helicity, in two ways.
+    assert!((after[2] - after[4]).abs() < 1e-15 && change(2) > 1e-6, "{before:?} {after:?}");
+    let moved = magnetic::modes(&fluid);
+    assert!(modes.iter().zip(moved).all(|(x, y)| (x - y).abs() > 1e-6), "{moved:?}");
+    assert!((magnetic::energy(&mut fluid) - energy).abs() < 1e-4);
+}
+
+/// The certificate finds each number of carried fields that the text does not say; traces are as the text says.
+#[test]
+fn currents_that_the_text_does_not_say_are_found() {
+    let right = read("magnetic", MAGNETIC);
+    certify::fluid(&right).unwrap();
+    let traces: Vec<(&FluidTrace, f64)> =
+        right.casimirs.iter().map(|c| (&c.trace, hamel_expr::rational_to_f64(&c.factor))).collect();
+    let of = |k: usize, power: usize| FluidTrace::Power(FluidField::Carried(k), power);
+    let expected = [
+        (of(0, 2), 1.0),
+        (of(1, 3), 1.0),
+        (FluidTrace::Cross(0, 1), 1.0),
+        (FluidTrace::Cross(0, 2), 1.0),
+        (FluidTrace::Cross(0, 1), 1.0),
+        (FluidTrace::Power(FluidField::Vorticity, 2), 1.0),
+    ];
+    assert!(traces.iter().zip(&expected).all(|((a, x), (b, y))| *a == b && x == y), "{traces:?}");
+    let half = BigRational::new(1.into(), 2.into());
+    type Fault = fn(&mut MatrixFluid, &BigRational);
+    let faults: [(&str, Fault); 9] = [
+        ("sign of the magnetic force", |f, _| f.carried[0].current[1] = -f.carried[0].current[1].clone()),
+        ("half of the magnetic force", |f, half| {
+            f.carried[0].current[1] = f.carried[0].current[1].clone() * half
+        }),
+        ("no summand without the Laplacian", |f, _| {
+            f.carried[0].current[0] = BigRational::from_integer(0.into());
+        }),
+        ("no magnetic force", |f, _| f.carried[0].current.clear()),
+        ("swapped fields", |f, _| f.carried.swap(0, 1)),
+        ("a tracer with energy", |f, half| f.carried[2].current = vec![half.clone()]),
+        ("sign of the buoyancy", |f, _| {
+            f.carried[1].constant[0].value = -f.carried[1].constant[0].value.clone()
+        }),
+        ("no buoyancy", |f, _| f.carried[1].constant.clear()),
+        ("buoyancy of another wave", |f, _| f.carried[1].constant[0].wave.wave = (1, 1)),
+    ];
+    for (name, fault) in faults {
+        let mut wrong = right.clone();
+        fault(&mut wrong, &half);
+        assert!(matches!(certify::fluid(&wrong), Err(Error::Disagrees { .. })), "{name}");
+    }
+}
+
 /// The certificate finds each number that the text does not say.
 #[test]
 fn numbers_that_the_text_does_not_say_are_found() {
@@ -163,6 +240,30 @@ fn definitions_are_made_of_parameters_that_follow() {
     let mut wrong = fluid;
     wrong.force[0].value = -wrong.force[0].value.clone();
     assert!(matches!(certify::fluid(&wrong), Err(Error::Disagrees { .. })));
+}
+
+/// Equations by `ad` need the adjoint representation, which is there up to `N = 7`; those by `functions` do not.
+#[test]
+fn fields_without_equations_are_carried_by_matrices() {
+    let text = |algebra: &str, by: &str, n: usize| {
+        let (mode, factor) = if algebra == "zeitlin" { ("re_1_0", "") } else { ("c_1_0", "1/2*") };
+        format!(
+            "model flow {{ algebra fluid = {algebra}({n}); momentum w in fluid as w_*; action right;
+             advected a in fluid as a_* by {by}; hamiltonian = -{factor}dot(w, laplacian(fluid)^-1*w);
+             initial w_{mode} = 1; }}"
+        )
+    };
+    for (algebra, by, n, is_of_matrices) in [
+        ("zeitlin", "ad", 7, false),
+        ("zeitlin", "ad", 9, true),
+        ("zeitlin", "functions", 9, false),
+        ("zeitlin", "functions", 17, true),
+        ("zeitlin_sphere", "ad", 7, false),
+        ("zeitlin_sphere", "ad", 8, true),
+    ] {
+        let found = spec::matrix_fluid("flow", &text(algebra, by, n)).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(found.is_some(), is_of_matrices, "{algebra}({n}) by {by}");
+    }
 }
 
 #[test]

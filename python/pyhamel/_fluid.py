@@ -32,6 +32,8 @@ class FluidMotion(NamedTuple):
     casimirs: dict[str, Array]
     #: All coefficients of the vorticity, (samples, n**2 - 1), in the order of :meth:`Fluid.waves`; None unless asked for.
     fields: Array | None
+    #: All coefficients of each field that the flow carries, by name, each as ``fields``; None unless asked for.
+    carried: dict[str, Array] | None
 
 
 class Fluid:
@@ -87,6 +89,11 @@ class Fluid:
         return dict(self._native.modes)
 
     @property
+    def carried(self) -> list[str]:
+        """Names of the fields that the flow carries."""
+        return self._native.carried
+
+    @property
     def params(self) -> dict[str, float]:
         """Parameters with their values."""
         return {name: value for name, value, _ in self._native.params}
@@ -112,7 +119,7 @@ class Fluid:
         """Moves the fluid from time zero to ``t_final`` by steps of one size, at most ``step``.
 
         ``y0`` are modes with other values than the model's, ``params`` parameters; ``fields`` has all coefficients of the
-        vorticity at the samples.
+        vorticity and of carried fields at the samples.
 
         Raises :class:`InputError` for unknown names and parameters that the model refuses, :class:`IntegrationError` where
         the step is too long for its iteration.
@@ -120,7 +127,9 @@ class Fluid:
         native = self._native
         found = native.simulate((t_final, step, samples), dict(y0 or {}), dict(params or {}), fields)
         casimirs = dict(zip(native.casimirs, found["casimirs"].T))
-        return FluidMotion(found["t"], found["y"], found["energy"], casimirs, found.get("fields"))
+        return FluidMotion(
+            found["t"], found["y"], found["energy"], casimirs, found.get("fields"), found.get("carried")
+        )
 
     def __repr__(self) -> str:
         return f"<Fluid {self.name}: {self.surface}, N = {self.n}>"

@@ -164,6 +164,7 @@ class Fluid:
     modes: list[tuple[str, float]]
     params: list[tuple[str, float, str]]
     casimirs: list[str]
+    carried: list[str]
     @staticmethod
     def load(name: str, text: str | None) -> Fluid: ...
     def waves(self) -> list[tuple[int, int, bool]]: ...

@@ -99,6 +99,12 @@ impl Fluid {
         self.fluid.casimirs.iter().map(|casimir| casimir.name.clone()).collect()
     }
 
+    /// Names of the fields that the flow carries.
+    #[getter]
+    fn carried(&self) -> Vec<String> {
+        self.fluid.carried.iter().map(|field| field.name.clone()).collect()
+    }
+
     /// All coefficients in the order of fields: wave or degree and order, and whether it is the imaginary part or that
     /// of the sine.
     fn waves(&self) -> Vec<(i64, i64, bool)> {
@@ -168,8 +174,14 @@ impl Fluid {
         found.set_item("casimirs", casimirs.to_pyarray(py))?;
         if with_fields {
             let n_waves = self.fluid.n * self.fluid.n - 1;
-            let all = table(n_waves, fields.iter().map(|(_, field)| field.as_slice()).collect())?;
-            found.set_item("fields", all.to_pyarray(py))?;
+            let carried = PyDict::new(py);
+            let of_field =
+                |k: usize| table(n_waves, fields.iter().map(|(_, all)| all[k].as_slice()).collect());
+            found.set_item("fields", of_field(0)?.to_pyarray(py))?;
+            for (k, field) in self.fluid.carried.iter().enumerate() {
+                carried.set_item(&field.name, of_field(1 + k)?.to_pyarray(py))?;
+            }
+            found.set_item("carried", carried)?;
         }
         Ok(found)
     }

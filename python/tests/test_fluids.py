@@ -44,6 +44,39 @@ def test_a_fluid_moves_as_its_equations(flow):
     assert flow.modes == {"s_2_1": 0.6, "c_3_2": 0.5}
 
 
+MAGNETIC = """model flow {{
+    param k = 0.5;
+    algebra fluid = zeitlin_sphere(3);
+    momentum w in fluid as w_*;
+    action right;
+    advected a in fluid as a_* by ad;
+    hamiltonian = -1/2*dot(w, laplacian(fluid)^-1*w) - k*dot(a, laplacian(fluid)*a);
+    casimir C2 = trace_power(fluid, a, 2);
+    casimir D1 = dot(w, star_power(fluid, a, 1));
+    initial w_s_2_1 = 0.5;
+    initial a_c_1_0 = k;
+    initial a_c_2_2 = 0.3;
+    {}
+}}"""
+
+
+def test_a_flow_carries_fields():
+    flow = pyhamel.Fluid(MAGNETIC.format("scene default { want matrices; }"))
+    equations = pyhamel.load(MAGNETIC.format(""))
+    assert flow.carried == ["a"] and list(flow.modes) == ["w_s_2_1", "a_c_1_0", "a_c_2_2"]
+    # Equations begin anywhere unless they are told.
+    start = dict.fromkeys(equations.state, 0.0) | {"w_s_2_1": 0.5, "a_c_1_0": 0.5, "a_c_2_2": 0.3}
+    expected = equations.simulate(1.0, start, samples=5)
+    motion = flow.simulate(1.0, step=0.002, samples=5, fields=True)
+    np.testing.assert_allclose(motion.fields, expected.y[:, :8], atol=1e-5)
+    np.testing.assert_allclose(motion.carried["a"], expected.y[:, 8:], atol=1e-5)
+    np.testing.assert_allclose(motion.y[:, 0], motion.fields[:, 5], atol=1e-15)
+    for name in ("C2", "D1"):
+        assert np.ptp(motion.casimirs[name]) < 1e-14
+    assert np.ptp(motion.y[:, 0]) > 0.01
+    assert flow.simulate(1.0, step=0.1, samples=2).carried is None
+
+
 def test_wrong_questions_are_told(flow):
     with pytest.raises(pyhamel.InputError, match="mu is no parameter of the fluid"):
         flow.simulate(1.0, step=0.1, params={"mu": 1.0})

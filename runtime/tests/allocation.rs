@@ -162,10 +162,10 @@ fn integration_in_lanes_allocates_nothing() {
 
 #[test]
 fn fluids_allocate_nothing() {
-    use hamel_runtime::matrices::{IsospectralMidpoint, Options, Torus};
+    use hamel_runtime::matrices::{Current, IsospectralMidpoint, Options, Torus};
 
     const N: usize = 15;
-    let options = Options::fixed(0.02);
+    let options = Options::fixed(0.02).with_carried(1).with_background();
     let tables = [0.0; Torus::<[f64; 0]>::storage(N)];
     let mut room = vec![0.0; IsospectralMidpoint::<Torus<&mut [f64]>, &mut [f64]>::storage(N, &options)];
     let modes: [f64; N * N - 1] = core::array::from_fn(|k| 1.0 / (1 + k) as f64);
@@ -173,9 +173,14 @@ fn fluids_allocate_nothing() {
     let torus = Torus::new(N, tables).unwrap();
     let mut fluid = IsospectralMidpoint::new(&torus, &mut room[..], 0.0, options).unwrap();
     torus.set_modes(&modes, fluid.vorticity_mut());
+    fluid.set_current(0, Current::magnetic()).unwrap();
+    torus.add_mode((1, 2), [0.1, 0.0], fluid.carried_mut(0));
+    torus.add_mode((0, 1), [0.1, 0.0], fluid.constant_current_mut(0));
     fluid.integrate_to(0.1).unwrap();
-    let mut casimirs = [0.0; 4];
+    let [mut casimirs, mut of_field, mut crosses] = [[0.0; 4]; 3];
     fluid.casimirs(&mut casimirs);
-    assert!(fluid.energy() > 0.0 && casimirs[1] > 0.0);
+    fluid.carried_casimirs(0, &mut of_field);
+    fluid.cross_casimirs(0, &mut crosses);
+    assert!(fluid.energy() > 0.0 && casimirs[1] > 0.0 && of_field[1] > 0.0 && crosses[0] != 0.0);
     assert_eq!(N_ALLOCATIONS.with(Cell::get), before);
 }

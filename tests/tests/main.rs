@@ -30,6 +30,7 @@ mod invariants;
 mod isospectral;
 mod lanes;
 mod latex;
+mod magnetic;
 mod matrix_groups;
 mod momenta;
 mod momentum;

@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 use hamel_codegen::certify;
 use hamel_codegen::config::Problem;
 use hamel_codegen::fluid::{Modes, Solver, rational, stream};
-use hamel_codegen::spec::{FluidSurface, MatrixFluid};
+use hamel_codegen::spec::{FluidField, FluidSurface, MatrixFluid};
 use hamel_expr::rational_to_f64;
 use hamel_runtime::Error as SolverError;
 use hamel_runtime::matrices::{Options, Sphere, Torus};
@@ -25,7 +25,11 @@ pub fn info(fluid: &MatrixFluid) -> Info {
     let group = |components| OutputEntry {
         name: "casimirs".into(),
         components,
-        doc: "traces of powers of the vorticity by N".into(),
+        doc: if fluid.carried.is_empty() {
+            "traces of powers of the vorticity by N".into()
+        } else {
+            "traces of products of matrices by N".into()
+        },
     };
     let param = |p: &hamel_codegen::spec::FluidParam| ParamEntry {
         name: p.name.clone(),
@@ -81,14 +85,15 @@ pub fn at(fluid: &MatrixFluid, params: &[f64]) -> Result<MatrixFluid, Error> {
 pub struct Outcome {
     /// As of any other simulation; evaluations of the right-hand side are iterations.
     pub response: SimulateResponse,
-    /// Times of the samples that were asked for, and all coefficients of the vorticity, in the order of the algebra.
-    pub fields: Vec<(f64, Vec<f64>)>,
+    /// Times of the samples that were asked for, and all coefficients of the vorticity and of each carried field, in
+    /// the order of the algebra.
+    pub fields: Vec<(f64, Vec<Vec<f64>>)>,
     /// Name, value at the start and at the end.
     pub casimirs: Vec<(String, [f64; 2])>,
 }
 
 /// Integrates a fluid in steps of one size, at most that of the request, such that samples are at steps; `pictured` are
-/// the samples, in ascending order, at which all of the vorticity is wanted; `look` is called after steps, and may end
+/// the samples, in ascending order, at which all of the fields is wanted; `look` is called after steps, and may end
 /// the motion.
 ///
 /// # Errors
@@ -148,16 +153,11 @@ fn run<S: Modes>(
     let surface = &S::surface(fluid.n, stream(fluid)).map_err(refused)?;
     let mut solver = Solver::new(fluid, surface, options).map_err(refused)?;
     for (mode, value) in fluid.modes.iter().zip(&request.initial) {
-        surface.add(mode.wave, *value, solver.fluid_mut().vorticity_mut());
+        surface.add(mode.wave, *value, solver.field_mut(mode.field));
     }
-    let n_traces = fluid.n_casimirs();
-    let casimirs = |solver: &mut Solver<'_, S>| -> Vec<f64> {
-        let mut traces = vec![0.0; n_traces];
-        solver.fluid_mut().casimirs(&mut traces);
-        fluid.casimirs.iter().map(|c| traces[c.power - 1]).collect()
-    };
+    let casimirs = |solver: &mut Solver<'_, S>| solver.casimirs(fluid);
     let modes = |solver: &Solver<'_, S>| -> Vec<f64> {
-        fluid.modes.iter().map(|mode| surface.value(mode.wave, solver.fluid().vorticity())).collect()
+        fluid.modes.iter().map(|mode| surface.value(mode.wave, solver.field(mode.field))).collect()
     };
     let initial_energy = solver.energy();
     let energy_scale = if initial_energy.abs() >= f64::MIN_POSITIVE { initial_energy.abs() } else { 1.0 };
@@ -192,7 +192,10 @@ fn run<S: Modes>(
         // A single sample is the end.
         if n_samples > 1 || (n_samples == 1 && k == intervals) {
             if pictured.binary_search(&samples.len()).is_ok() {
-                fields.push((solver.fluid().t(), surface.all(solver.fluid().vorticity())));
+                let carried = (0..fluid.carried.len()).map(FluidField::Carried);
+                let all = std::iter::once(FluidField::Vorticity).chain(carried);
+                let all = all.map(|field| surface.all(solver.field(field))).collect();
+                fields.push((solver.fluid().t(), all));
             }
             samples.push(Sample {
                 t: solver.fluid().t(),

@@ -13,7 +13,7 @@ use hamel_codegen::scene::Prior;
 use hamel_codegen::spec::MatrixFluid;
 
 use super::options::{InputOptions, duration};
-use crate::output::fields::{fields, vorticity};
+use crate::output::fields::{self, fields};
 use crate::output::opened::Opened;
 use crate::output::plot::field;
 use crate::output::report::contents::{self, Page, contents};
@@ -154,12 +154,12 @@ fn of_matrices(
         matrices::simulate(fluid, &request, &pictured, &mut hamel_run::interrupts::look)?;
     let motion = Motion {
         info,
-        blocks: vec![blocks::of_matrices(fluid)],
+        blocks: blocks::of_matrices(fluid),
         request,
         response,
         precision: Precision::default(),
         fields: Vec::new(),
-        pictures: vec![vorticity(fluid, fields)],
+        pictures: fields::of_matrices(fluid, &fields),
     };
     Ok((page, Some(motion)))
 }

@@ -13,7 +13,7 @@ use hamel_codegen::spec::{MatrixFluid, Want};
 
 use super::options::{EndOptions, MotionOptions, NoiseOptions, SceneOptions, assignments};
 use crate::output::crossings::{Crossings, EventTarget, OpenEventTarget};
-use crate::output::fields::{fields, vorticity};
+use crate::output::fields::{self, fields};
 use crate::output::files::{OpenTarget, Run, Target};
 use crate::output::plot::field::{self, Field};
 use crate::output::terminal::bold;
@@ -238,8 +238,8 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         matrices::simulate(fluid, &request, &pictured, &mut hamel_run::interrupts::look)?;
     drop(shield);
     let title = fluid.doc.iter().map(|line| line.trim()).find(|line| !line.is_empty()).unwrap_or_default();
-    let fields: Vec<Field> = is_drawn.then(|| vorticity(fluid, fields)).into_iter().collect();
-    let blocks = [blocks::of_matrices(fluid)];
+    let fields: Vec<Field> = if is_drawn { fields::of_matrices(fluid, &fields) } else { Vec::new() };
+    let blocks = blocks::of_matrices(fluid);
     let run =
         Run { info: &info, title, blocks: &blocks, request: &request, response: &response, fields: &fields };
     opened.into_iter().try_for_each(|target| target.write(&run))?;

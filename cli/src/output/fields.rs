@@ -48,16 +48,20 @@ pub fn fields(
     (fields, missing)
 }
 
-/// The vorticity of a fluid that is moved as products of matrices, at the times for which all coefficients are there.
-pub fn vorticity(fluid: &MatrixFluid, frames: Vec<(f64, Vec<f64>)>) -> Field {
-    let surface = match fluid.surface {
+/// Vorticity and carried fields of a fluid that is moved as products of matrices, at the times for which all
+/// coefficients are there.
+pub fn of_matrices(fluid: &MatrixFluid, frames: &[(f64, Vec<Vec<f64>>)]) -> Vec<Field> {
+    let surface = || match fluid.surface {
         FluidSurface::Torus => {
             let waves = fluid.surface.waves(fluid.n).into_iter();
             Surface::Torus { waves: waves.filter(|w| !w.is_second).map(|w| w.wave).collect() }
         }
         FluidSurface::Sphere => Surface::Sphere { n: fluid.n },
     };
-    titled(&fluid.vorticity, "Vorticity", surface, frames)
+    let carried = fluid.carried.iter().map(|field| (field.doc.as_str(), field.name.as_str()));
+    let all = std::iter::once((fluid.vorticity.as_str(), "Vorticity")).chain(carried).enumerate();
+    let of_field = |k: usize| frames.iter().map(|(t, fields)| (*t, fields[k].clone())).collect();
+    all.map(|(k, (doc, name))| titled(doc, name, surface(), of_field(k))).collect()
 }
 
 /// A field with the title that its documentation has, otherwise with its name.

@@ -7,8 +7,10 @@ use super::bundle::{Bundle, emission};
 use super::problems::{Problem, Problems};
 use crate::certify;
 use hamel_expr::{Rational, rational_to_f64};
-use hamel_lang::spec::{FluidSurface, FluidTerm, FluidWave, MatrixFluid};
-use hamel_program::emit::{self, FluidTermText, FluidText, SurfaceText};
+use hamel_lang::spec::{FluidField, FluidSurface, FluidTerm, FluidTrace, FluidWave, MatrixFluid};
+use hamel_program::emit::{
+    self, CarriedText, FluidModeText, FluidTermText, FluidText, SurfaceText, TraceText,
+};
 use num_traits::{One, Zero};
 
 impl Config {
@@ -47,6 +49,15 @@ impl Config {
             value: rational_to_f64(value),
         };
         let terms = |list: &[FluidTerm]| list.iter().map(|term| value(term.wave, &term.value)).collect();
+        let number = |field: FluidField| match field {
+            FluidField::Vorticity => None,
+            FluidField::Carried(k) => Some(k),
+        };
+        let carried = fluid.carried.iter().map(|field| CarriedText {
+            name: field.name.clone(),
+            current: field.is_active().then(|| field.current.iter().map(rational_to_f64).collect()),
+            constant: terms(&field.constant),
+        });
         let is_ideal = fluid.scale.is_one() && fluid.shift.is_zero();
         let command = match &self.writing.command {
             Some(command) => format!("{command} {}", fluid.name),
@@ -67,10 +78,26 @@ impl Config {
             params: fluid.params.iter().map(|p| (p.name.clone(), rational_to_f64(&p.value))).collect(),
             stream: (!is_ideal).then(|| [&fluid.scale, &fluid.shift].map(rational_to_f64)),
             background: terms(&fluid.background),
+            carried: carried.collect(),
             friction: fluid.friction.iter().map(rational_to_f64).collect(),
             force: terms(&fluid.force),
-            modes: fluid.modes.iter().map(|m| (m.name.clone(), value(m.wave, &m.initial))).collect(),
-            casimirs: fluid.casimirs.iter().map(|c| (c.name.clone(), c.power)).collect(),
+            modes: (fluid.modes.iter())
+                .map(|m| FluidModeText {
+                    name: m.name.clone(),
+                    field: number(m.field),
+                    term: value(m.wave, &m.initial),
+                })
+                .collect(),
+            casimirs: (fluid.casimirs.iter())
+                .map(|c| {
+                    let (field, is_cross) = match c.trace {
+                        FluidTrace::Power(field, _) => (number(field), false),
+                        FluidTrace::Cross(k, _) => (Some(k), true),
+                    };
+                    let (factor, power) = (rational_to_f64(&c.factor), c.trace.power());
+                    (c.name.clone(), TraceText { factor, power, field, is_cross })
+                })
+                .collect(),
         }
     }
 }

@@ -59,6 +59,7 @@ impl Friction {
 ///
 /// A step is half a step of friction and force alone, whose solution is known, a step of the ideal fluid, and the other
 /// half: of order 2, symmetric. Without the ideal motion every mode decays exactly as it should, however long the step.
+/// Both act on the vorticity; fields that the flow carries are moved by the ideal fluid alone.
 /// Casimirs and energy change by friction and force alone.
 ///
 /// # Source
@@ -215,6 +216,9 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> Damped<'s, L, S> {
             self.fluid.change_vorticity(relax);
             // A friction that is negative makes modes grow.
             outcome = self.fluid.finite();
+            if outcome.is_err() {
+                self.fluid.restore_carried();
+            }
         }
         if outcome.is_err() {
             self.fluid.change_vorticity(|vorticity| vorticity.copy_from_slice(m.before));

@@ -15,105 +15,27 @@
 //! takes it from the one before is nearly as good as one that computes it, so that every second one does. An end of the
 //! iteration that is a part `r` of the vorticity away from the solution moves the Casimirs by the order of `h r`.
 //!
+//! Fields that the flow carries are moved by the same rule ([`carried`](super::carried)), and iterated with the
+//! vorticity.
+//!
 //! Does not know: surfaces.
 
-use super::panels::{
-    Block, Extent, LANES, Row, add, adjoint, block, block_mut, element, n_panels, n_rows, product,
+use super::carried::{Carried, Current, Fields, Layout, MAX_CARRIED, Part};
+use super::iteration::{
+    Moved, best_order, errors_of_start, finish, improve, inner, non_finite, skew, start, turned,
 };
+use super::options::{Options, Stats};
+use super::panels::{Extent, LANES, Row, add, block_mut, element, n_panels, n_rows, product};
 use super::{Laplacian, MatrixMut, MatrixRef};
 use crate::error::{Error, Failure};
-use crate::math::{mul_add, sqrt};
+use crate::math::sqrt;
 use crate::methods::two_sum;
 
 /// Name of the method in errors.
 const NAME: &str = "isospectral midpoint";
 
-/// Choices of an integration by [`IsospectralMidpoint`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct Options {
-    /// The step, positive.
-    pub step: f64,
-    /// The iteration ends when it changes the vorticity by less than this part of it, in the norm of Frobenius; with
-    /// zero it ends where round-off stops its progress.
-    pub tolerance: f64,
-    /// Limit on iterations of a step.
-    pub max_iterations: u32,
-    /// How many steps before may be extrapolated to start the iteration, 8 unless told; each takes room for one more
-    /// matrix. As many are as would have come nearest to the last step: fewer where iterations end early.
-    pub history: usize,
-    /// Whether there is a constant stream function beside that of the vorticity; it takes room for one more matrix.
-    pub has_background: bool,
-}
-
-/// Most steps that are extrapolated.
-const MAX_HISTORY: usize = 8;
-
 /// Steps between two looks at the number of steps that are best extrapolated.
 const STEPS_OF_ORDER: u64 = 8;
-
-impl Options {
-    /// Steps of the size `h > 0`, iterated to round-off, so that Casimirs are kept to it.
-    #[must_use]
-    pub const fn fixed(h: f64) -> Self {
-        Self { step: h, tolerance: 0.0, max_iterations: 100, history: MAX_HISTORY, has_background: false }
-    }
-
-    /// Sets the change at which the iteration ends, relative to the vorticity.
-    #[must_use]
-    pub const fn with_tolerance(mut self, tolerance: f64) -> Self {
-        self.tolerance = tolerance;
-        self
-    }
-
-    /// Sets the limit on iterations of a step.
-    #[must_use]
-    pub const fn with_max_iterations(mut self, limit: u32) -> Self {
-        self.max_iterations = limit;
-        self
-    }
-
-    /// Sets the largest number of steps that are extrapolated, up to 8.
-    #[must_use]
-    pub const fn with_history(mut self, steps: usize) -> Self {
-        self.history = if steps < MAX_HISTORY { steps } else { MAX_HISTORY };
-        self
-    }
-
-    /// Makes room for a [background](IsospectralMidpoint::background_mut).
-    #[must_use]
-    pub const fn with_background(mut self) -> Self {
-        self.has_background = true;
-        self
-    }
-
-    /// Checks every number of the options.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::StepSize`], [`Error::RelativeTolerance`].
-    pub fn validate(&self) -> Result<(), Error> {
-        if !(self.step > 0.0 && self.step.is_finite()) {
-            return Err(Error::StepSize { value: self.step });
-        }
-        if !(self.tolerance >= 0.0 && self.tolerance.is_finite()) {
-            return Err(Error::RelativeTolerance { value: self.tolerance, least: 0.0 });
-        }
-        Ok(())
-    }
-}
-
-/// Counts of work done since the solver was made.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct Stats {
-    /// Steps.
-    pub steps: u64,
-    /// Iterations of all steps: solutions for the stream function, and products `P W`.
-    pub iterations: u64,
-    /// Products `P W P`.
-    pub second_products: u64,
-}
 
 /// Moves the vorticity of a surface in fixed steps that keep its spectrum.
 ///
@@ -121,10 +43,14 @@ pub struct Stats {
 /// round-off over any time, and the energy nearly. Steps end when the iteration does not change them any more; the
 /// sums over steps are compensated.
 ///
+/// With [carried fields](Options::with_carried) it is the magnetic midpoint rule, and keeps `tr A^k` of each field; of
+/// one field `tr W A^k` as well.
+///
 /// # Source
 ///
 /// Modin and Viviani, A Casimir preserving scheme for long-time simulation of spherical ideal hydrodynamics (2020);
-/// Viviani, A minimal-variable symplectic method for isospectral flows (2020).
+/// Viviani, A minimal-variable symplectic method for isospectral flows (2020); Modin and Roop, Spatio-temporal
+/// Lie-Poisson discretization for incompressible magnetohydrodynamics on the sphere (2023).
 #[derive(Debug)]
 pub struct IsospectralMidpoint<'s, L, S> {
     surface: &'s L,
@@ -141,50 +67,45 @@ pub struct IsospectralMidpoint<'s, L, S> {
     next: usize,
     /// Steps that are extrapolated as soon as there are so many.
     order: usize,
-    /// Norm of the vorticity, which the motion keeps; none before the first step.
+    /// Norm of the vorticity, which the motion keeps without carried fields; none before the first step.
     size: Option<f64>,
+    /// What makes the currents of carried fields, none for those without energy.
+    currents: [Option<Current>; MAX_CARRIED],
     stats: Stats,
 }
 
 /// The matrices of a solver.
 struct Matrices<'a> {
-    /// `W_n`.
-    vorticity: &'a mut [Row],
-    /// What the sum `vorticity` lacks, above the diagonal.
-    residue: &'a mut [Row],
-    /// `Y`.
-    middle: &'a mut [Row],
+    vorticity: Moved<'a>,
     /// `P`.
     stream: &'a mut [Row],
-    /// `A`.
-    first: &'a mut [Row],
-    /// `B`, above the diagonal.
-    second: &'a mut [Row],
     /// The constant part of `P`, where there is one.
     background: &'a mut [Row],
-    /// `D` of this step and of those before, above the diagonal.
-    history: &'a mut [Row],
+    carried: Fields<'a>,
     work: &'a mut [Row],
 }
 
 impl<'a> Matrices<'a> {
+    const fn layout(n: usize, options: &Options) -> Layout {
+        Layout { n, n_kept: 1 + options.history, has_constant: options.has_background }
+    }
+
     /// Rows of all matrices but the work space.
-    fn n_rows(n: usize, options: &Options) -> usize {
-        (7 + options.history + options.has_background as usize) * n_rows(n, n)
+    const fn n_rows(n: usize, options: &Options) -> usize {
+        let n_carried = options.n_carried;
+        let n_of_vorticity = Moved::n_matrices(1 + options.history) + 1 + options.has_background as usize;
+        let n_sums = (n_carried > 0) as usize;
+        (n_of_vorticity + n_sums) * n_rows(n, n) + n_carried * Self::layout(n, options).n_rows()
     }
 
     fn new(n: usize, options: &Options, storage: &'a mut [f64]) -> Self {
-        let size = n_rows(n, n);
-        let rows = storage.as_chunks_mut().0;
-        let (vorticity, rows) = rows.split_at_mut(size);
-        let (residue, rows) = rows.split_at_mut(size);
-        let (middle, rows) = rows.split_at_mut(size);
+        let (size, layout) = (n_rows(n, n), Self::layout(n, options));
+        let (vorticity, rows) = Moved::new(n, layout.n_kept, storage.as_chunks_mut().0);
         let (stream, rows) = rows.split_at_mut(size);
-        let (first, rows) = rows.split_at_mut(size);
-        let (second, rows) = rows.split_at_mut(size);
         let (background, rows) = rows.split_at_mut(if options.has_background { size } else { 0 });
-        let (history, work) = rows.split_at_mut((1 + options.history) * size);
-        Self { vorticity, residue, middle, stream, first, second, background, history, work }
+        let (sum, rows) = rows.split_at_mut(if options.n_carried > 0 { size } else { 0 });
+        let (fields, work) = rows.split_at_mut(options.n_carried * layout.n_rows());
+        Self { vorticity, stream, background, carried: Fields { layout, rows: fields, sum }, work }
     }
 }
 
@@ -204,7 +125,8 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
     /// Numbers that a solver takes.
     #[must_use]
     pub fn storage(n: usize, options: &Options) -> usize {
-        2 * LANES * (Matrices::n_rows(n, options) + L::n_work(n))
+        let n_work = if options.n_carried > 0 { L::n_work(n).max(L::n_apply_work(n)) } else { L::n_work(n) };
+        2 * LANES * (Matrices::n_rows(n, options) + n_work)
     }
 
     /// Places the fluid at rest, without vorticity, at time `t0`; `storage` has room for [`storage`](Self::storage)
@@ -234,6 +156,7 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
             next: 0,
             order: options.history,
             size: None,
+            currents: [None; MAX_CARRIED],
             stats: Stats::default(),
         })
     }
@@ -267,9 +190,87 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
     pub fn vorticity_mut(&mut self) -> MatrixMut<'_> {
         self.size = None;
         let n = self.surface.n();
-        let Matrices { vorticity, residue, .. } = self.matrices();
+        let Moved { value, residue, .. } = self.matrices().vorticity;
         residue.fill([0.0; 2 * LANES]);
-        MatrixMut { n, rows: vorticity }
+        MatrixMut { n, rows: value }
+    }
+
+    /// A field that the flow carries, by its number from zero on.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such field.
+    #[must_use]
+    pub fn carried(&self, k: usize) -> MatrixRef<'_> {
+        assert!(k < self.options.n_carried, "the options have no such field");
+        let (n, options) = (self.surface.n(), &self.options);
+        let before =
+            Matrices::n_rows(n, options) - (options.n_carried - k) * Matrices::layout(n, options).n_rows();
+        MatrixRef { n, rows: &self.storage.as_ref().as_chunks().0[before..][..n_rows(n, n)] }
+    }
+
+    /// A field that the flow carries to write; the steps before are forgotten.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such field.
+    pub fn carried_mut(&mut self, k: usize) -> MatrixMut<'_> {
+        assert!(k < self.options.n_carried, "the options have no such field");
+        self.size = None;
+        let n = self.surface.n();
+        let mut matrices = self.matrices();
+        matrices.carried.get(k).field.residue.fill([0.0; 2 * LANES]);
+        let layout = matrices.carried.layout;
+        MatrixMut { n, rows: layout.get(matrices.carried.rows, k).field.value }
+    }
+
+    /// Gives a carried field an energy; without one it is a tracer.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Number`] for a coefficient that is not finite.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such field.
+    pub fn set_current(&mut self, k: usize, current: Current) -> Result<(), Error> {
+        assert!(k < self.options.n_carried, "the options have no such field");
+        if let Some(value) = current.coefficients.into_iter().find(|c| !c.is_finite()) {
+            return Err(Error::Number { value, needs: "coefficient of a current: that is finite" });
+        }
+        self.size = None;
+        self.currents[k] = Some(current);
+        Ok(())
+    }
+
+    /// The constant part of the current of a carried field to write; the steps before are forgotten.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such field, or unless the options have a background.
+    pub fn constant_current_mut(&mut self, k: usize) -> MatrixMut<'_> {
+        assert!(k < self.options.n_carried, "the options have no such field");
+        assert!(self.options.has_background, "the options have no background");
+        self.size = None;
+        self.currents[k].get_or_insert(Current::none());
+        let n = self.surface.n();
+        let Fields { layout, rows, .. } = self.matrices().carried;
+        MatrixMut { n, rows: layout.get(rows, k).constant }
+    }
+
+    /// Computes the current of a carried field, with its constant part.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such field.
+    pub fn current(&mut self, k: usize) -> MatrixRef<'_> {
+        assert!(k < self.options.n_carried, "the options have no such field");
+        let surface = self.surface;
+        let current = self.currents[k].unwrap_or_default();
+        let Matrices { carried: Fields { layout, rows, .. }, work, .. } = self.matrices();
+        let mut carried = layout.get(rows, k);
+        carried.write_current(surface, &current, false, work);
+        MatrixRef { n: surface.n(), rows: carried.current }
     }
 
     /// The constant stream function to write, which is added to that of the vorticity; the steps before are
@@ -289,63 +290,123 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
     /// Changes the vorticity by other terms of its motion, and keeps the steps before.
     pub(super) fn change_vorticity(&mut self, change: impl FnOnce(&mut [Row])) {
         let is_known = self.size.is_some();
-        let Matrices { vorticity, residue, .. } = self.matrices();
+        let Moved { value, residue, .. } = self.matrices().vorticity;
         residue.fill([0.0; 2 * LANES]);
-        change(vorticity);
-        let size = is_known.then(|| sqrt(inner(vorticity, vorticity)));
+        change(value);
+        let size = is_known.then(|| sqrt(inner(value, value)));
         self.size = size;
+    }
+
+    /// Makes the carried fields those before the last step.
+    pub(super) fn restore_carried(&mut self) {
+        let n_carried = self.options.n_carried;
+        let mut matrices = self.matrices();
+        for k in 0..n_carried {
+            let Carried { field, current, .. } = matrices.carried.get(k);
+            field.value.copy_from_slice(current);
+            field.residue.fill([0.0; 2 * LANES]);
+        }
     }
 
     /// Computes the stream function, with its constant part.
     pub fn stream(&mut self) -> MatrixRef<'_> {
         let surface = self.surface;
         let Matrices { vorticity, stream, background, work, .. } = self.matrices();
-        invert(surface, background, vorticity, stream, work);
+        invert(surface, background, vorticity.value, stream, work);
         MatrixRef { n: surface.n(), rows: stream }
     }
 
-    /// Computes the derivative of the vorticity, `i kappa [P, W]`.
+    /// Computes the derivative of the vorticity, `i kappa ([P, W] + sum of [J, A])`.
     pub fn derivative(&mut self) -> MatrixRef<'_> {
-        let surface = self.surface;
-        let (n, rate) = (surface.n(), surface.rate());
-        let Matrices { vorticity, middle, stream, first, background, work, .. } = self.matrices();
-        invert(surface, background, vorticity, stream, work);
-        product(n, stream, vorticity, first, Extent::All);
-        for a in 0..n_panels(n) {
-            for b in 0..n_panels(n) {
-                *block_mut(n, middle, a, b) = turned(&skew(n, first, a, b), rate);
-            }
+        let (surface, options, currents) = (self.surface, self.options, self.currents);
+        let n = surface.n();
+        let Matrices { vorticity, stream, background, mut carried, work } = self.matrices();
+        let Moved { value, middle, first, .. } = vorticity;
+        invert(surface, background, value, stream, work);
+        product(n, stream, value, first, Extent::All);
+        for (k, current) in currents.iter().enumerate().take(options.n_carried) {
+            let Some(current) = current else { continue };
+            let Fields { layout, rows, sum } = &mut carried;
+            let mut of_field = layout.get(rows, k);
+            of_field.write_current(surface, current, false, work);
+            product(n, of_field.current, of_field.field.value, sum, Extent::All);
+            add(first, sum);
         }
+        commutator(n, first, middle, surface.rate());
         MatrixRef { n, rows: middle }
     }
 
-    /// The energy `area/(2 N) tr((P + F) W)` with the constant part `F` of `P`.
-    pub fn energy(&mut self) -> f64 {
+    /// Computes the derivative of a carried field, `i kappa [P, A]`.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such field.
+    pub fn carried_derivative(&mut self, k: usize) -> MatrixRef<'_> {
+        assert!(k < self.options.n_carried, "the options have no such field");
         let surface = self.surface;
-        let Matrices { vorticity, stream, background, work, .. } = self.matrices();
-        invert(surface, background, vorticity, stream, work);
-        let trace = inner(vorticity, stream) + inner(vorticity, background);
+        let n = surface.n();
+        let Matrices { vorticity, stream, background, carried, work } = self.matrices();
+        invert(surface, background, vorticity.value, stream, work);
+        let Moved { value, middle, first, .. } = carried.layout.get(carried.rows, k).field;
+        product(n, stream, value, first, Extent::All);
+        commutator(n, first, middle, surface.rate());
+        MatrixRef { n, rows: middle }
+    }
+
+    /// The energy `area/(2 N) (tr (P + F) W + sum of tr (J + J_0) A)` with the constant parts `F` of `P`, `J_0` of `J`.
+    pub fn energy(&mut self) -> f64 {
+        let (surface, options, currents) = (self.surface, self.options, self.currents);
+        let Matrices { vorticity, stream, background, mut carried, work } = self.matrices();
+        invert(surface, background, vorticity.value, stream, work);
+        let mut trace = inner(vorticity.value, stream) + inner(vorticity.value, background);
+        for (k, current) in currents.iter().enumerate().take(options.n_carried) {
+            let Some(current) = current else { continue };
+            let mut of_field = carried.get(k);
+            of_field.write_current(surface, current, false, work);
+            let field = &of_field.field.value;
+            trace += inner(field, of_field.current) + inner(field, of_field.constant);
+        }
         0.5 * surface.area() / surface.n() as f64 * trace
     }
 
-    /// The Casimirs `tr(W^k)/N` for `k = 1, 2, ..`, as many as there is room for.
+    /// The traces `tr(W^k)/N` for `k = 1, 2, ..`, as many as there is room for: Casimirs without carried fields.
     pub fn casimirs(&mut self, casimirs: &mut [f64]) {
         let n = self.surface.n();
-        let Matrices { vorticity, middle: power, first: next, .. } = self.matrices();
-        power.copy_from_slice(vorticity);
+        let Moved { value, middle, first, .. } = self.matrices().vorticity;
+        traces(n, value, (middle, first), casimirs);
+    }
+
+    /// The Casimirs `tr(A^k)/N` of a carried field for `k = 1, 2, ..`, as many as there is room for.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such field.
+    pub fn carried_casimirs(&mut self, k: usize, casimirs: &mut [f64]) {
+        assert!(k < self.options.n_carried, "the options have no such field");
+        let n = self.surface.n();
+        let Fields { layout, rows, .. } = self.matrices().carried;
+        let Moved { value, middle, first, .. } = layout.get(rows, k).field;
+        traces(n, value, (middle, first), casimirs);
+    }
+
+    /// The traces `tr(W A^k)/N` with a carried field for `k = 1, 2, ..`, as many as there is room for: Casimirs where
+    /// no other field has an energy. The first one is the cross helicity.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such field.
+    pub fn cross_casimirs(&mut self, k: usize, casimirs: &mut [f64]) {
+        assert!(k < self.options.n_carried, "the options have no such field");
+        let n = self.surface.n();
+        let Matrices { vorticity, carried, .. } = self.matrices();
+        let Moved { value, middle: power, first: next, .. } = carried.layout.get(carried.rows, k).field;
+        power.copy_from_slice(value);
         for (at, casimir) in casimirs.iter_mut().enumerate() {
-            // tr W^(2 j) = |W^j|^2, tr W^(2 j + 1) = <W^j, W^(j + 1)>.
-            let trace = if at == 0 {
-                (0..n).map(|i| element(n, vorticity, i, i)[0]).sum()
-            } else if at % 2 == 1 {
-                inner(power, power)
-            } else {
-                product(n, power, vorticity, next, Extent::All);
-                let trace = inner(power, next);
+            if at > 0 {
+                product(n, power, value, next, Extent::All);
                 power.copy_from_slice(next);
-                trace
-            };
-            *casimir = trace / n as f64;
+            }
+            *casimir = inner(vorticity.value, power) / n as f64;
         }
     }
 
@@ -425,21 +486,23 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
 
     pub(super) fn step_by(&mut self, h: f64) -> Result<(), Error> {
         let (surface, options, t) = (self.surface, self.options, self.t);
-        let n = surface.n();
+        let (n, n_carried) = (surface.n(), options.n_carried);
         let factor = 0.5 * h * surface.rate();
         if self.size.is_none() || h != self.h {
             (self.n_known, self.order, self.h) = (0, options.history, h);
         }
         let (n_known, next, n_kept) = (self.n_known, self.next, 1 + options.history);
-        let mut stats = self.stats;
+        let (mut stats, currents) = (self.stats, self.currents);
         let mut m = Matrices::new(n, &options, self.storage.as_mut());
-        let size = match self.size {
-            Some(size) => size,
-            None => sqrt(inner(m.vorticity, m.vorticity)),
-        };
-        start(n, &mut m, n_known.min(self.order), next, n_kept);
+        let mut sizes = Sizes::new(&mut m, self.size.filter(|_| n_carried == 0), n_carried);
+        start(n, &mut m.vorticity, n_known.min(self.order), next, n_kept);
+        for k in 0..n_carried {
+            start(n, &mut m.carried.get(k).field, n_known.min(self.order), next, n_kept);
+        }
+        let size = sizes.unit();
         let bound = options.tolerance * size;
-        let (mut previous, mut iterations) = (f64::INFINITY, 0);
+        // The change of the iteration before, and of the one before that.
+        let (mut changes, mut iterations) = ([f64::INFINITY; 2], 0);
         // Whether B may be that of the iteration before. It converges as the square of the step, whatever the motion:
         // in a first step, without history, that is slower than all else.
         let mut may_lag = n_known > 0;
@@ -447,21 +510,43 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
             if iterations == options.max_iterations {
                 return Err(Error::NotConverged { method: NAME, t, h, iterations });
             }
-            let with_second = !may_lag || iterations.is_multiple_of(2);
-            invert(surface, m.background, m.middle, m.stream, m.work);
-            product(n, m.stream, m.middle, m.first, Extent::All);
-            if with_second {
-                product(n, m.first, m.stream, m.second, Extent::Upper);
+            let part = Part { factor, with_second: !may_lag || iterations.is_multiple_of(2) };
+            let Moved { middle, first, second, .. } = &mut m.vorticity;
+            invert(surface, m.background, middle, m.stream, m.work);
+            product(n, m.stream, middle, first, Extent::All);
+            let mut squares = [0.0; 1 + MAX_CARRIED];
+            let mut of_currents = 0.0;
+            for (k, current) in currents.iter().enumerate().take(n_carried) {
+                squares[1 + k] = m.carried.move_field(k, m.stream, next, &part);
+                if let Some(current) = current {
+                    of_currents += m.carried.add_force((surface, k, current), first, m.work);
+                }
             }
-            let change = sqrt(improve(n, &mut m, next, factor));
+            if iterations == 0 {
+                sizes.add_force(factor * of_currents);
+            }
+            if part.with_second {
+                product(n, first, m.stream, second, Extent::Upper);
+                for k in (0..n_carried).filter(|k| currents[*k].is_some()) {
+                    m.carried.add_second(k, second);
+                }
+            }
+            squares[0] = improve(n, &mut m.vorticity, next, factor);
+            let change = sizes.change(&squares);
+            // Fields and vorticity may take turns in their changes.
+            let previous = if n_carried == 0 { changes[0] } else { changes[0].max(changes[1]) };
             iterations += 1;
             stats.iterations += 1;
-            stats.second_products += u64::from(with_second);
+            stats.second_products += u64::from(part.with_second);
             if change <= bound || change <= f64::EPSILON * size && change > 0.5 * previous {
                 break;
             }
             if !change.is_finite() {
-                let index = non_finite(n, m.middle).unwrap_or(0);
+                let bad = |k| match k {
+                    0 => non_finite(n, m.vorticity.middle),
+                    _ => non_finite(n, m.carried.get(k - 1).field.middle),
+                };
+                let index = (0..=n_carried).find_map(bad).unwrap_or(0);
                 return Err(Failure::NonFinite { t, index }.into());
             }
             if change >= previous {
@@ -474,16 +559,28 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
                 may_lag = false;
             }
             may_lag &= change > 0.1 * ROUND_OFF * size;
-            previous = change;
+            changes = [change, changes[0]];
         }
-        finish(n, &mut m, 2.0 * factor);
+        finish(n, &mut m.vorticity, 2.0 * factor);
+        for k in 0..n_carried {
+            let Carried { mut field, current, .. } = m.carried.get(k);
+            // Where the step is not wanted after all.
+            current.copy_from_slice(field.value);
+            finish(n, &mut field, 2.0 * factor);
+        }
         stats.steps += 1;
         if n_known == options.history && stats.steps.is_multiple_of(STEPS_OF_ORDER) {
-            self.order = best_order(n, m.history, next, n_kept);
+            let mut errors =
+                errors_of_start(n, m.vorticity.history, next, n_kept).map(|x| sizes.relative(0, x));
+            for k in 0..n_carried {
+                let of_field = errors_of_start(n, m.carried.get(k).field.history, next, n_kept);
+                errors.iter_mut().zip(of_field).for_each(|(sum, x)| *sum += sizes.relative(1 + k, x));
+            }
+            self.order = best_order(&errors, n_kept);
         }
         (self.t, self.t_residue) = two_sum(t, h + self.t_residue);
         (self.n_known, self.next) = ((n_known + 1).min(options.history), (next + 1) % n_kept);
-        (self.size, self.stats) = (Some(size), stats);
+        (self.size, self.stats) = (Some(sizes.of[0]), stats);
         Ok(())
     }
 }
@@ -493,224 +590,71 @@ const ROUND_OFF: f64 = 1e3 * f64::EPSILON;
 /// Changes may grow at first.
 const PATIENCE: u32 = 10;
 
-/// `tr(x y)` of Hermitian matrices.
-fn inner(x: &[Row], y: &[Row]) -> f64 {
-    let mut sums = [0.0; 2 * LANES];
-    for (x, y) in x.iter().zip(y) {
-        for (sum, (x, y)) in sums.iter_mut().zip(x.iter().zip(y)) {
-            *sum = mul_add(*x, *y, *sum);
+/// What changes of the vorticity and of carried fields are measured by: without carried fields the vorticity is, in its
+/// own norm, otherwise each by its size.
+struct Sizes {
+    of: [f64; 1 + MAX_CARRIED],
+    n_carried: usize,
+}
+
+impl Sizes {
+    /// Norms of the fields; `known` is that of the vorticity.
+    fn new(m: &mut Matrices<'_>, known: Option<f64>, n_carried: usize) -> Self {
+        let norm = |x: &[Row]| sqrt(inner(x, x));
+        let mut of = [0.0; 1 + MAX_CARRIED];
+        of[0] = known.unwrap_or_else(|| norm(m.vorticity.value));
+        for k in 0..n_carried {
+            of[1 + k] = norm(m.carried.get(k).field.value);
         }
+        Self { of, n_carried }
     }
-    sums.iter().sum()
+
+    /// Currents may make a vorticity from none: what they add in half a step counts as a part of its size.
+    fn add_force(&mut self, size: f64) {
+        self.of[0] += size.abs();
+    }
+
+    /// What a change of the whole is.
+    fn unit(&self) -> f64 {
+        if self.n_carried == 0 { self.of[0] } else { 1.0 }
+    }
+
+    /// The square of a change of a field by that of its size.
+    fn relative(&self, field: usize, square: f64) -> f64 {
+        // A field that vanishes stays as it is.
+        if self.n_carried == 0 || square == 0.0 { square } else { square / (self.of[field] * self.of[field]) }
+    }
+
+    /// The change of the whole by the squares of the changes of fields.
+    fn change(&self, squares: &[f64; 1 + MAX_CARRIED]) -> f64 {
+        sqrt(squares.iter().enumerate().map(|(field, square)| self.relative(field, *square)).sum())
+    }
 }
 
-fn non_finite(n: usize, matrix: &[Row]) -> Option<usize> {
-    let is_bad = |at: &usize| !element(n, matrix, at / n, at % n).iter().all(|x| x.is_finite());
-    (0..n * n).find(is_bad)
-}
-
-/// The start of the iteration: `D` by the polynomial through those of the steps before.
-fn start(n: usize, m: &mut Matrices<'_>, n_known: usize, next: usize, n_kept: usize) {
-    let size = n_rows(n, n);
-    // The weights (-1)^k (q choose k + 1) of the step k + 1 steps ago.
-    let mut weights = [0.0; MAX_HISTORY];
-    let mut weight = -1.0;
-    for (k, of_step) in weights.iter_mut().enumerate().take(n_known) {
-        weight *= -((n_known - k) as f64) / (k + 1) as f64;
-        *of_step = weight;
-    }
+/// `i rate (A - A^+)`.
+fn commutator(n: usize, first: &[Row], out: &mut [Row], rate: f64) {
     for a in 0..n_panels(n) {
-        for b in a..n_panels(n) {
-            let mut d: Block = [[0.0; 2 * LANES]; LANES];
-            for (k, &weight) in weights[..n_known].iter().enumerate() {
-                let slot = (next + n_kept - 1 - k) % n_kept;
-                let old = block(n, &m.history[slot * size..][..size], a, b);
-                for i in 0..LANES {
-                    for l in 0..2 * LANES {
-                        d[i][l] = mul_add(weight, old[i][l], d[i][l]);
-                    }
-                }
-            }
-            place(n, m, next, (a, b), &d);
+        for b in 0..n_panels(n) {
+            *block_mut(n, out, a, b) = turned(&skew(n, first, a, b), rate);
         }
     }
 }
 
-/// The number of steps whose extrapolation comes nearest to the step in the slot `next`, in the norm of Frobenius: the
-/// error of the polynomial through `q` steps before is the backward difference of the order `q`. Where iterations end
-/// early, what they leave over is multiplied by `2^q`.
-#[cold]
-#[inline(never)]
-fn best_order(n: usize, history: &[Row], next: usize, n_kept: usize) -> usize {
-    let size = n_rows(n, n);
-    let mut squares = [0.0; 1 + MAX_HISTORY];
-    for a in 0..n_panels(n) {
-        for b in a..n_panels(n) {
-            for i in 0..LANES {
-                let mut differences = [[0.0; 2 * LANES]; 1 + MAX_HISTORY];
-                for (k, of_step) in differences.iter_mut().enumerate().take(n_kept) {
-                    let slot = (next + n_kept - k) % n_kept;
-                    *of_step = block(n, &history[slot * size..][..size], a, b)[i];
-                }
-                for (q, square) in squares.iter_mut().enumerate().take(n_kept).skip(1) {
-                    for k in 0..n_kept - q {
-                        for l in 0..2 * LANES {
-                            differences[k][l] -= differences[k + 1][l];
-                        }
-                    }
-                    *square += differences[0].iter().map(|x| x * x).sum::<f64>();
-                }
-            }
-        }
-    }
-    let mut best = 0;
-    for q in 1..n_kept {
-        if best == 0 || squares[q] < squares[best] {
-            best = q;
-        }
-    }
-    best
-}
-
-/// Writes a block of `D`, and of `Y = W + D`.
-#[inline(always)]
-fn place(n: usize, m: &mut Matrices<'_>, next: usize, (a, b): (usize, usize), d: &Block) {
-    let size = n_rows(n, n);
-    *block_mut(n, &mut m.history[next * size..][..size], a, b) = *d;
-    let (w, y) = (block(n, m.vorticity, a, b), block_mut(n, m.middle, a, b));
-    for i in 0..LANES {
-        for l in 0..2 * LANES {
-            y[i][l] = w[i][l] + d[i][l];
-        }
-    }
-    if a != b {
-        let y = *y;
-        *block_mut(n, m.middle, b, a) = adjoint(&y);
-    }
-}
-
-/// `A - A^+`.
-#[inline(always)]
-fn skew(n: usize, first: &[Row], a: usize, b: usize) -> Block {
-    let (mut x, y) = (*block(n, first, a, b), adjoint(block(n, first, b, a)));
-    for i in 0..LANES {
-        for l in 0..2 * LANES {
-            x[i][l] -= y[i][l];
-        }
-    }
-    x
-}
-
-/// `i factor x`.
-#[inline(always)]
-fn turned(x: &Block, factor: f64) -> Block {
-    let mut out = [[0.0; 2 * LANES]; LANES];
-    for i in 0..LANES {
-        for l in 0..LANES {
-            out[i][l] = -factor * x[i][LANES + l];
-            out[i][LANES + l] = factor * x[i][l];
-        }
-    }
-    out
-}
-
-/// Makes `D` and `Y` from `A` and `B`; the square of the norm of the change.
-fn improve(n: usize, m: &mut Matrices<'_>, next: usize, factor: f64) -> f64 {
-    let size = n_rows(n, n);
-    let square = factor * factor;
-    let mut total = 0.0;
-    for a in 0..n_panels(n) {
-        for b in a..n_panels(n) {
-            // D = X + Y^+, of X = i factor A - factor^2 B above the diagonal, and Y = i factor A below it; on it half
-            // of B is in both, so that D is Hermitian to the last digit.
-            let (first, second) = (block(n, m.first, a, b), block(n, m.second, a, b));
-            let of_second = if a == b { 0.5 * square } else { square };
-            let mut d: Block = [[0.0; 2 * LANES]; LANES];
-            for i in 0..LANES {
-                for l in 0..LANES {
-                    let (re, im) = (l, LANES + l);
-                    d[i][re] = mul_add(-factor, first[i][im], -(of_second * second[i][re]));
-                    d[i][im] = mul_add(factor, first[i][re], -(of_second * second[i][im]));
-                }
-            }
-            let below = if a == b { adjoint(&d) } else { adjoint(&turned(block(n, m.first, b, a), factor)) };
-            let old = block(n, &m.history[next * size..][..size], a, b);
-            let mut sums = [0.0; LANES];
-            for i in 0..LANES {
-                for l in 0..LANES {
-                    let (re, im) = (l, LANES + l);
-                    d[i][re] += below[i][re];
-                    d[i][im] += below[i][im];
-                    let (x, y) = (d[i][re] - old[i][re], d[i][im] - old[i][im]);
-                    sums[l] = mul_add(x, x, mul_add(y, y, sums[l]));
-                }
-            }
-            total += if a == b { 1.0 } else { 2.0 } * sums.iter().sum::<f64>();
-            place(n, m, next, (a, b), &d);
-        }
-    }
-    total
-}
-
-/// `W_(n+1)` from `A`, with the rounding errors of the sum kept.
-fn finish(n: usize, m: &mut Matrices<'_>, factor: f64) {
-    for a in 0..n_panels(n) {
-        for b in a..n_panels(n) {
-            let skew = skew(n, m.first, a, b);
-            let vorticity = block_mut(n, m.vorticity, a, b);
-            let residue = block_mut(n, m.residue, a, b);
-            for i in 0..LANES {
-                for l in 0..LANES {
-                    let (re, im) = (l, LANES + l);
-                    let (x, y) = (
-                        mul_add(-factor, skew[i][im], residue[i][re]),
-                        mul_add(factor, skew[i][re], residue[i][im]),
-                    );
-                    (vorticity[i][re], residue[i][re]) = two_sum(vorticity[i][re], x);
-                    (vorticity[i][im], residue[i][im]) = two_sum(vorticity[i][im], y);
-                }
-            }
-            if a != b {
-                let vorticity = *vorticity;
-                *block_mut(n, m.vorticity, b, a) = adjoint(&vorticity);
-            }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::vec;
-
-    use super::{LANES, best_order, block_mut, n_panels, n_rows};
-
-    /// Steps along a cubic, each with an error, are extrapolated from four, or from fewer where the error is large.
-    #[test]
-    fn the_order_of_the_start_follows_the_errors_of_steps() {
-        let (n, n_kept) = (11, 9);
-        let size = n_rows(n, n);
-        for next in [0, 5, 8] {
-            let order = |error: f64| {
-                let mut history = vec![[0.0; 2 * LANES]; n_kept * size];
-                for back in 0..n_kept {
-                    let slot = (next + n_kept - back) % n_kept;
-                    let t = 0.1 * back as f64;
-                    let sign = if back % 2 == 0 { 1.0 } else { -1.0 };
-                    let value = 1.0 + t * (1.0 + t * (1.0 + t)) + sign * error;
-                    for a in 0..n_panels(n) {
-                        for b in a..n_panels(n) {
-                            *block_mut(n, &mut history[slot * size..][..size], a, b) =
-                                [[value; 2 * LANES]; LANES];
-                        }
-                    }
-                }
-                best_order(n, &history, next, n_kept)
-            };
-            // An alternating error is multiplied by 2^q in the difference of the order q; those of the cubic are
-            // 0.11, 0.03, 0.006 and zero.
-            assert_eq!(order(1e-6), 4);
-            assert_eq!(order(1e-3), 3);
-            assert_eq!(order(1.0), 1);
-        }
+/// The traces `tr(W^k)/N` for `k = 1, 2, ..`.
+fn traces(n: usize, matrix: &[Row], (power, next): (&mut [Row], &mut [Row]), traces: &mut [f64]) {
+    power.copy_from_slice(matrix);
+    for (at, of_power) in traces.iter_mut().enumerate() {
+        // tr W^(2 j) = |W^j|^2, tr W^(2 j + 1) = <W^j, W^(j + 1)>.
+        let trace = if at == 0 {
+            (0..n).map(|i| element(n, matrix, i, i)[0]).sum()
+        } else if at % 2 == 1 {
+            inner(power, power)
+        } else {
+            product(n, power, matrix, next, Extent::All);
+            let trace = inner(power, next);
+            power.copy_from_slice(next);
+            trace
+        };
+        *of_power = trace / n as f64;
     }
 }

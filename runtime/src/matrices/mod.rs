@@ -10,7 +10,12 @@
 //! ```
 //!
 //! Other [`Stream`]s have a radius of deformation, and [`Options::with_background`] adds a constant stream function, as
-//! that of a sphere that turns.
+//! that of a sphere that turns. A flow may carry fields `A` ([`Options::with_carried`]), whose energy has the
+//! derivative `J`, the [`Current`], and acts on the vorticity: magnetohydrodynamics, buoyancy, tracers.
+//!
+//! ```text
+//! W' = i kappa ([P, W] + sum of [J, A]),   A' = i kappa [P, A]
+//! ```
 //!
 //! | surface | `N` | matrices of | Laplacian |
 //! |---|---|---|---|
@@ -42,18 +47,23 @@
 //!
 //! The module deliberately does not know generated code.
 
+mod carried;
 mod damped;
 mod dft;
 mod diagonals;
 mod harmonics;
+mod iteration;
 mod midpoint;
+mod options;
 mod panels;
 mod sphere;
 mod stream;
 mod torus;
 
+pub use carried::Current;
 pub use damped::{Damped, Friction};
-pub use midpoint::{IsospectralMidpoint, Options, Stats};
+pub use midpoint::IsospectralMidpoint;
+pub use options::{Options, Stats};
 pub use sphere::Sphere;
 pub use stream::Stream;
 pub use torus::Torus;
@@ -86,6 +96,13 @@ mod sealed {
 
         /// Writes the stream matrix of a vorticity, without a background; of both, all elements are there.
         fn invert(&self, vorticity: &[Row], stream: &mut [Row], work: &mut [Row]);
+
+        /// Rows that [`apply`](Self::apply) needs room for.
+        fn n_apply_work(n: usize) -> usize;
+
+        /// Writes `sum over k of c_k (-Delta)^k` of a matrix, without its constant part; of both, all elements are
+        /// there.
+        fn apply(&self, coefficients: &[f64], matrix: &[Row], out: &mut [Row], work: &mut [Row]);
 
         /// Numbers of a table for [`filter`](Self::filter).
         fn n_factors(n: usize) -> usize;

@@ -55,6 +55,14 @@ pub(super) fn add(sum: &mut [Row], other: &[Row]) {
     }
 }
 
+/// Adds the blocks of a matrix on and above the diagonal to another one.
+pub(super) fn add_upper(n: usize, sum: &mut [Row], other: &[Row]) {
+    for b in 0..n_panels(n) {
+        let rows = LANES * (b + 1);
+        add(&mut sum[b * padded(n)..][..rows], &other[b * padded(n)..][..rows]);
+    }
+}
+
 /// The two parts of a row.
 #[inline(always)]
 fn parts(row: &Row) -> (&Part, &Part) {

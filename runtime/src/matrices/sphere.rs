@@ -259,6 +259,43 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Spectral for Sphere<S> {
         scatter(n, Shape::Open, diagonals, stream, line);
     }
 
+    fn n_apply_work(n: usize) -> usize {
+        2 * n_rows(n, n) + n_work(n) + (n + LANES).div_ceil(2 * LANES)
+    }
+
+    fn apply(&self, coefficients: &[f64], matrix: &[Row], out: &mut [Row], work: &mut [Row]) {
+        let n = self.n;
+        let (diagonals, work) = work.split_at_mut(n_rows(n, n));
+        let (sum, work) = work.split_at_mut(n_rows(n, n));
+        let (line, roots) = work.split_at_mut(n_work(n));
+        // c_i, and zeros beyond the last one, which couples to nothing.
+        let roots = &mut roots.as_flattened_mut()[..n + LANES];
+        for (i, root) in roots.iter_mut().enumerate() {
+            *root = if i < n { sqrt(((i + 1) * (n - 1 - i)) as f64) } else { 0.0 };
+        }
+        gather(n, Shape::Open, matrix, diagonals, line);
+        without_mean(&mut diagonals[..n], 1.0);
+        // By Horner's rule.
+        let (last, others) = coefficients.split_last().expect("a coefficient");
+        for (sum, x) in sum.iter_mut().zip(diagonals.iter()) {
+            *sum = x.map(|x| last * x);
+        }
+        for c in others.iter().rev() {
+            for b in 0..n_panels(n) {
+                let length = n - LANES * b;
+                let from = b * padded(n);
+                of_laplacian(n, LANES * b, roots, &mut sum[from..][..length]);
+                for (sum, x) in sum[from..][..length].iter_mut().zip(&diagonals[from..]) {
+                    for (sum, x) in sum.iter_mut().zip(x) {
+                        *sum = mul_add(*c, *x, *sum);
+                    }
+                }
+            }
+        }
+        without_mean(&mut sum[..n], 0.5);
+        scatter(n, Shape::Open, sum, out, line);
+    }
+
     fn n_factors(n: usize) -> usize {
         n
     }
@@ -296,6 +333,26 @@ fn without_mean(first_panel: &mut [Row], factor: f64) {
     for row in first_panel {
         row[0] = factor * (row[0] - mean);
         row[LANES] = 0.0;
+    }
+}
+
+/// Minus the Laplacian of eight diagonals, of which the first has the number `d`.
+#[inline(always)]
+fn of_laplacian(n: usize, d: usize, roots: &[f64], x: &mut [Row]) {
+    let mut before = [0.0; 2 * LANES];
+    let mut coupled_before = [0.0; LANES];
+    for i in 0..x.len() {
+        let (here, after) = (x[i], x.get(i + 1).copied().unwrap_or([0.0; 2 * LANES]));
+        for l in 0..LANES {
+            let on = on_diagonal(n, i, i + d + l);
+            let coupled = roots[i] * roots[i + d + l];
+            for l_part in [l, LANES + l] {
+                let sum = mul_add(coupled_before[l], before[l_part], coupled * after[l_part]);
+                x[i][l_part] = mul_add(on, here[l_part], -sum);
+            }
+            coupled_before[l] = coupled;
+        }
+        before = here;
     }
 }
 

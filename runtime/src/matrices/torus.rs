@@ -17,6 +17,7 @@ use super::diagonals::{Shape, gather, n_work, scatter};
 use super::panels::{LANES, LARGEST, Row, element, n_panels, n_rows, padded, set_element};
 use super::sealed::Spectral;
 use super::stream::Stream;
+use crate::math::mul_add;
 
 /// A fluid on the torus in su(N), `N` odd: `zeitlin(N)` of the model language.
 ///
@@ -279,6 +280,21 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Spectral for Torus<S> {
         gather(n, Shape::Cyclic, vorticity, diagonals, &mut work[n..]);
         let factors = &self.tables.as_ref()[..Self::n_factors(n)];
         self.scale_waves(factors, diagonals, stream, work);
+    }
+
+    fn n_apply_work(n: usize) -> usize {
+        Self::n_work(n) + Self::n_factors(n).div_ceil(2 * LANES)
+    }
+
+    fn apply(&self, coefficients: &[f64], matrix: &[Row], out: &mut [Row], work: &mut [Row]) {
+        let n = self.n;
+        let (work, table) = work.split_at_mut(Self::n_work(n));
+        let table = &mut table.as_flattened_mut()[..Self::n_factors(n)];
+        let value = |square: f64| coefficients.iter().rev().fold(0.0, |sum, c| mul_add(sum, square, *c));
+        write_factors(n, &self.dft, &mut { value }, table);
+        let (diagonals, work) = work.split_at_mut(n_rows(n, Shape::Cyclic.n_diagonals(n)));
+        gather(n, Shape::Cyclic, matrix, diagonals, &mut work[n..]);
+        self.scale_waves(table, diagonals, out, work);
     }
 
     fn n_factors(n: usize) -> usize {

@@ -2,7 +2,7 @@
 //!
 //! Does not know: figures, scenes.
 
-use hamel_codegen::spec::{Domain, MatrixFluid, ReconstructionKind};
+use hamel_codegen::spec::{Domain, FluidField, MatrixFluid, ReconstructionKind};
 
 use super::Model;
 use super::spelling::{lower_first, spell};
@@ -21,11 +21,17 @@ pub struct Block {
     pub members: Vec<(String, String)>,
 }
 
-/// The modes of a fluid of matrices that the model names.
-pub fn of_matrices(fluid: &MatrixFluid) -> Block {
-    let (doc, unit) = split_unit(&fluid.vorticity, 0);
-    let members = fluid.modes.iter().map(|mode| (mode.name.clone(), spell(&mode.name))).collect();
-    Block { symbol: String::new(), doc, unit, members }
+/// The modes of a fluid of matrices that the model names, in a block for vorticity and for each carried field.
+pub fn of_matrices(fluid: &MatrixFluid) -> Vec<Block> {
+    let carried = fluid.carried.iter().enumerate().map(|(k, field)| (FluidField::Carried(k), &field.doc));
+    let fields = std::iter::once((FluidField::Vorticity, &fluid.vorticity)).chain(carried);
+    let blocks = fields.map(|(field, doc)| {
+        let (doc, unit) = split_unit(doc, 0);
+        let of_field = fluid.modes.iter().filter(|mode| mode.field == field);
+        let members = of_field.map(|mode| (mode.name.clone(), spell(&mode.name))).collect();
+        Block { symbol: String::new(), doc, unit, members }
+    });
+    blocks.filter(|block| !block.members.is_empty()).collect()
 }
 
 /// Groups the possible state variables of a model: coordinates and their velocities by unit, vectors as they are.

@@ -4,7 +4,7 @@
 
 use hamel_codegen::explain::{Section, SectionKind};
 use hamel_codegen::scene;
-use hamel_codegen::spec::{self, FluidMode, FluidParam, FluidSurface, MatrixFluid};
+use hamel_codegen::spec::{self, FluidField, FluidMode, FluidParam, FluidSurface, MatrixFluid};
 use hamel_expr::{Style, rational_to_f64};
 use hamel_program::emit::method_text;
 use hamel_program::program::Role;
@@ -102,13 +102,12 @@ pub fn of_matrices(fluid: &MatrixFluid, text: String, module: String) -> Page {
         FluidSurface::Torus => ("torus", "waves"),
         FluidSurface::Sphere => ("sphere", "spherical harmonics"),
     };
-    let (doc, unit) = split_unit(&fluid.vorticity, 0);
-    let quantity = |mode: &FluidMode| Quantity {
-        name: mode.name.clone(),
-        math: math_ml(&mode.name),
-        value: None,
-        unit: unit.clone(),
-        doc: doc.clone(),
+    let quantity = |mode: &FluidMode| {
+        let (doc, unit) = match mode.field {
+            FluidField::Vorticity => split_unit(&fluid.vorticity, 0),
+            FluidField::Carried(k) => split_unit(&fluid.carried[k].doc, 0),
+        };
+        Quantity { name: mode.name.clone(), math: math_ml(&mode.name), value: None, unit, doc }
     };
     let param = |p: &FluidParam| {
         let (doc, unit) = split_unit(&p.doc, 0);
@@ -121,16 +120,19 @@ pub fn of_matrices(fluid: &MatrixFluid, text: String, module: String) -> Page {
         }
     };
     let kind = if fluid.is_damped() { "fluid with friction or force" } else { "ideal fluid" };
+    let names: Vec<&str> = fluid.carried.iter().map(|field| field.name.as_str()).collect();
+    let carried =
+        if names.is_empty() { String::new() } else { format!(" that carries {}", names.join(", ")) };
     Page {
         model: fluid.name.clone(),
         scene: DEFAULT_SCENE.to_owned(),
         title: titled(&fluid.doc, &fluid.name),
         doc: fluid.doc.iter().skip(1).cloned().collect(),
         kind: format!(
-            "{kind} on the {surface}, {basis} as matrices of size {}; the state below are the modes that the \
+            "{kind}{carried} on the {surface}, {basis} as matrices of size {}; the state below are the modes that the \
              model names, of {}",
             fluid.n,
-            fluid.n * fluid.n - 1
+            (1 + names.len()) * (fluid.n * fluid.n - 1)
         ),
         sources: fluid.sources.clone(),
         params: fluid.params.iter().map(param).collect(),

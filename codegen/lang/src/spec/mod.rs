@@ -76,8 +76,8 @@ pub use expressions::ExpressionRole;
 pub use family::with_sizes;
 pub use first_order::FirstOrderState;
 pub use fluid::{
-    FluidCasimir, FluidMode, FluidParam, FluidSurface, FluidTerm, FluidWave, MAX_FRICTION, MatrixFluid,
-    Meaning,
+    CarriedField, FluidCasimir, FluidField, FluidMode, FluidParam, FluidSurface, FluidTerm, FluidTrace,
+    FluidWave, MAX_CARRIED, MAX_FRICTION, MatrixFluid, Meaning,
 };
 pub use format::format;
 pub use group::Group;

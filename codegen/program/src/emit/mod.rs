@@ -25,9 +25,10 @@ pub use c::{CModule, Fmu};
 pub use rust::{SceneEntry, WasmModule};
 pub use script::{Script, ScriptLanguage};
 pub use text::{
-    DiscreteText, EventText, FlowText, FluidTermText, FluidText, GroupKind, GroupText, GroupTexts,
-    ImplicitText, ImplicitVariableText, InitialText, MatrixText, OutputText, ParamText, PositionsText,
-    ProductText, QuotientText, SceneText, SelfTestText, StateText, SurfaceText, UnitText, UnitTexts,
+    CarriedText, DiscreteText, EventText, FlowText, FluidModeText, FluidTermText, FluidText, GroupKind,
+    GroupText, GroupTexts, ImplicitText, ImplicitVariableText, InitialText, MatrixText, OutputText,
+    ParamText, PositionsText, ProductText, QuotientText, SceneText, SelfTestText, StateText, SurfaceText,
+    TraceText, UnitText, UnitTexts,
 };
 
 /// Emits the module of one scene.

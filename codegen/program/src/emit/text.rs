@@ -134,14 +134,51 @@ pub struct FluidText {
     pub stream: Option<[f64; 2]>,
     /// The constant stream function.
     pub background: Vec<FluidTermText>,
+    /// Fields that the flow carries.
+    pub carried: Vec<CarriedText>,
     /// Coefficients of powers of minus the Laplacian in the friction.
     pub friction: Vec<f64>,
     /// The constant force.
     pub force: Vec<FluidTermText>,
     /// Modes that begin with another value than zero, or are looked at: names, and values at time zero.
-    pub modes: Vec<(String, FluidTermText)>,
-    /// Casimirs by name and power, from 1 on.
-    pub casimirs: Vec<(String, usize)>,
+    pub modes: Vec<FluidModeText>,
+    /// Casimirs by name.
+    pub casimirs: Vec<(String, TraceText)>,
+}
+
+/// A field that the flow carries.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CarriedText {
+    /// Its name.
+    pub name: String,
+    /// Coefficients of powers of minus the Laplacian in its current, where the field has an energy.
+    pub current: Option<Vec<f64>>,
+    /// The constant part of its current.
+    pub constant: Vec<FluidTermText>,
+}
+
+/// A mode of a fluid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FluidModeText {
+    /// Its name.
+    pub name: String,
+    /// The number of the carried field, without one the vorticity.
+    pub field: Option<usize>,
+    /// Its coefficient, and its value at time zero.
+    pub term: FluidTermText,
+}
+
+/// A number times a trace of a product of matrices, by their size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TraceText {
+    /// The number.
+    pub factor: f64,
+    /// The power of the matrix, from 1 on.
+    pub power: usize,
+    /// The number of the carried field, without one the vorticity.
+    pub field: Option<usize>,
+    /// Whether the vorticity is a factor beside the power of a carried field.
+    pub is_cross: bool,
 }
 
 /// Where a fluid flows.

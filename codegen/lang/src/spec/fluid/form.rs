@@ -1,5 +1,5 @@
 //! What expressions of a fluid are: numbers, polynomials of the Laplacian and their inverse, their images of the
-//! vorticity, and the terms of a hamiltonian.
+//! vorticity and of carried fields, powers of fields, and the terms of a hamiltonian.
 //!
 //! Does not know: items of a model.
 
@@ -10,8 +10,8 @@ use num_traits::{One, ToPrimitive, Zero};
 
 use super::super::ast::{Expr, Node};
 use super::super::limits::MAX_DEPTH;
-use super::found::Momenta;
-use super::model::MAX_FRICTION;
+use super::found::{Carried, Momenta};
+use super::model::{FluidField, FluidTrace, MAX_FRICTION};
 use super::waves::FluidWave;
 use hamel_expr::Rational;
 
@@ -20,7 +20,7 @@ use hamel_expr::Rational;
 const MAX_BITS: u64 = 1 << 13;
 
 /// A polynomial of the Laplacian: coefficients of its powers, the last one not zero.
-type Polynomial = Vec<Rational>;
+pub(super) type Polynomial = Vec<Rational>;
 
 /// A multiple of the inverse of an operator that is linear in the Laplacian, `factor (constant + Delta)^-1`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,13 +29,15 @@ pub(super) struct Inverse {
     pub(super) constant: Rational,
 }
 
-/// A function of the vorticity that a hamiltonian may have.
+/// A function of the fields that a hamiltonian may have.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Function {
     /// `dot(omega, inverse*omega)`.
     pub(super) energy: Option<Inverse>,
-    /// Coefficients of components of the vorticity.
-    pub(super) linear: BTreeMap<FluidWave, Rational>,
+    /// `dot(a, polynomial*a)` of carried fields, by their numbers.
+    pub(super) of_carried: BTreeMap<usize, Polynomial>,
+    /// Coefficients of components of fields.
+    pub(super) linear: BTreeMap<(FluidField, FluidWave), Rational>,
 }
 
 /// What an expression is.
@@ -44,16 +46,24 @@ pub(super) enum Form {
     Number(Rational),
     Operator(Polynomial),
     Inverse(Inverse),
-    /// An operator on the vorticity.
-    Image(Polynomial),
+    /// An operator on a field.
+    Image(FluidField, Polynomial),
     /// The inverse of an operator on the vorticity.
     Stream(Inverse),
+    /// A power of the matrix of a carried field, by its coefficients.
+    Star(usize, usize),
+    /// A number times a trace.
+    Trace(FluidTrace, Rational),
     Function(Function),
 }
+
+/// Largest power of a matrix.
+pub(super) const MAX_POWER: usize = 16;
 
 /// Names that expressions are made of.
 pub(super) struct Names<'a> {
     pub(super) momenta: Momenta<'a>,
+    pub(super) carried: Vec<Carried<'a>>,
     pub(super) lets: BTreeMap<&'a str, &'a Expr>,
     pub(super) params: BTreeMap<&'a str, Rational>,
     /// Forms of definitions. A definition of itself has none while it is being looked at.
@@ -127,7 +137,10 @@ impl Function {
             None => None,
         };
         let linear: BTreeMap<_, _> = self.linear.into_iter().map(|(wave, q)| (wave, q * factor)).collect();
-        linear.values().all(short).then_some(Function { energy, linear })
+        let scaled =
+            |(k, p): (usize, Polynomial)| Some((k, bounded(p.into_iter().map(|q| q * factor).collect())?));
+        let of_carried = self.of_carried.into_iter().map(scaled).collect::<Option<_>>()?;
+        linear.values().all(short).then_some(Function { energy, of_carried, linear })
     }
 
     fn plus(mut self, other: Function) -> Option<Function> {
@@ -135,6 +148,10 @@ impl Function {
             (Some(a), Some(b)) => Some(a.plus(&b)?),
             (a, b) => a.or(b),
         };
+        for (k, p) in other.of_carried {
+            let of_field = self.of_carried.entry(k).or_default();
+            *of_field = sum(of_field, &p)?;
+        }
         for (wave, q) in other.linear {
             let of_wave = self.linear.entry(wave).or_insert_with(Rational::zero);
             *of_wave += q;
@@ -156,7 +173,12 @@ impl Form {
         match self {
             Form::Number(q) => Form::number(q * factor),
             Form::Operator(p) => scaled(p).map(Form::Operator),
-            Form::Image(p) => scaled(p).map(Form::Image),
+            Form::Image(field, p) => scaled(p).map(|p| Form::Image(field, p)),
+            Form::Star(..) => None,
+            Form::Trace(trace, q) => {
+                let q = q * factor;
+                short(&q).then_some(Form::Trace(trace, q))
+            }
             Form::Inverse(inverse) => inverse.times(factor).map(Form::Inverse),
             Form::Stream(stream) => stream.times(factor).map(Form::Stream),
             Form::Function(function) => function.times(factor).map(Form::Function),
@@ -167,7 +189,9 @@ impl Form {
         match (self, other) {
             (Form::Number(a), Form::Number(b)) => Form::number(a + b),
             (Form::Operator(a), Form::Operator(b)) => sum(&a, &b).map(Form::Operator),
-            (Form::Image(a), Form::Image(b)) => sum(&a, &b).map(Form::Image),
+            (Form::Image(of, a), Form::Image(other, b)) if of == other => {
+                sum(&a, &b).map(|p| Form::Image(of, p))
+            }
             (Form::Inverse(a), Form::Inverse(b)) => a.plus(&b).map(Form::Inverse),
             (Form::Stream(a), Form::Stream(b)) => a.plus(&b).map(Form::Stream),
             (Form::Function(a), Form::Function(b)) => a.plus(b).map(Form::Function),
@@ -179,8 +203,8 @@ impl Form {
         match (self, other) {
             (Form::Number(q), form) | (form, Form::Number(q)) => form.times(&q),
             (Form::Operator(a), Form::Operator(b)) => product(&a, &b).map(Form::Operator),
-            (Form::Operator(a), Form::Image(b)) => product(&a, &b).map(Form::Image),
-            (Form::Inverse(inverse), Form::Image(p)) => match p.as_slice() {
+            (Form::Operator(a), Form::Image(field, b)) => product(&a, &b).map(|p| Form::Image(field, p)),
+            (Form::Inverse(inverse), Form::Image(FluidField::Vorticity, p)) => match p.as_slice() {
                 [factor] => inverse.times(factor).map(Form::Stream),
                 _ => None,
             },
@@ -217,9 +241,21 @@ impl<'a> Names<'a> {
         self.momenta.labels.first().map_or("", |label| label.text.as_str())
     }
 
-    /// The component of the vorticity of a name.
-    pub(super) fn component(&self, name: &str) -> Option<FluidWave> {
-        self.momenta.surface.wave(self.momenta.n, name.strip_prefix(self.prefix())?)
+    /// The field of a name.
+    pub(super) fn field(&self, name: &str) -> Option<FluidField> {
+        if name == self.vorticity() {
+            return Some(FluidField::Vorticity);
+        }
+        self.carried.iter().position(|field| field.name.text == name).map(FluidField::Carried)
+    }
+
+    /// The component of a field of a name.
+    pub(super) fn component(&self, name: &str) -> Option<(FluidField, FluidWave)> {
+        let labelled = self.carried.iter().enumerate().filter_map(|(k, field)| Some((k, field.label?)));
+        let carried = labelled.map(|(k, label)| (FluidField::Carried(k), label.text.as_str()));
+        let mut fields = std::iter::once((FluidField::Vorticity, self.prefix())).chain(carried);
+        let of = |prefix: &str| self.momenta.surface.wave(self.momenta.n, name.strip_prefix(prefix)?);
+        fields.find_map(|(field, prefix)| Some((field, of(prefix)?)))
     }
 
     pub(super) fn is_algebra(&self, expr: &Expr) -> bool {
@@ -239,8 +275,10 @@ impl<'a> Names<'a> {
         let form = |expr: &Expr| self.form_at(expr, depth + 1);
         match &expr.node {
             Node::Number(q) => Some(Form::Number(q.clone())),
-            Node::Name(name) if self.vorticity() == name => Some(Form::Image(vec![Rational::one()])),
-            Node::Name(name) => self.form_of_name(name, depth + 1),
+            Node::Name(name) => match self.field(name) {
+                Some(field) => Some(Form::Image(field, vec![Rational::one()])),
+                None => self.form_of_name(name, depth + 1),
+            },
             Node::Neg(inside) => form(inside)?.times(&-Rational::one()),
             Node::Sum(list) => {
                 let mut summands = list.iter().map(|(is_negative, summand)| {
@@ -271,17 +309,61 @@ impl<'a> Names<'a> {
                     let is_whole = form(size)? == Form::Number(Rational::from_integer((n * n - 1).into()));
                     is_whole.then(|| Form::Operator(vec![Rational::one()]))
                 }
-                ("dot", [a, b]) => match (form(a)?, form(b)?) {
-                    (Form::Image(p), Form::Stream(stream)) | (Form::Stream(stream), Form::Image(p)) => {
-                        let [factor] = p.as_slice() else { return None };
-                        let energy = Some(stream.times(factor)?);
-                        Some(Form::Function(Function { energy, linear: BTreeMap::new() }))
-                    }
-                    _ => None,
-                },
+                ("dot", [a, b]) => self.dot(form(a)?, form(b)?),
+                ("star_power" | "trace_power", [field, power]) => {
+                    self.powered(&function.text, form(field)?, form(power)?)
+                }
+                ("star_power" | "trace_power", [algebra, field, power]) if self.is_algebra(algebra) => {
+                    self.powered(&function.text, form(field)?, form(power)?)
+                }
                 _ => None,
             },
             Node::Index(..) | Node::List(_) => None,
+        }
+    }
+
+    /// `star_power` and `trace_power` of a field.
+    fn powered(&self, function: &str, field: Form, power: Form) -> Option<Form> {
+        let (Form::Image(field, p), Form::Number(power)) = (field, power) else { return None };
+        let power = power.is_integer().then(|| power.numer().to_usize())??;
+        let is_whole = p == [Rational::one()];
+        if !is_whole || !(1..=MAX_POWER).contains(&power) {
+            return None;
+        }
+        match (function, field) {
+            ("trace_power", field) => Some(Form::Trace(FluidTrace::Power(field, power), Rational::one())),
+            (_, FluidField::Carried(k)) => Some(Form::Star(k, power)),
+            (_, FluidField::Vorticity) => None,
+        }
+    }
+
+    fn dot(&self, a: Form, b: Form) -> Option<Form> {
+        // The sum over components is the mean of the product by the pairing.
+        let cross = |p: &Polynomial, k: usize, power: usize| {
+            let [factor] = p.as_slice() else { return None };
+            let pairing = Rational::from_integer(self.momenta.surface.pairing().into());
+            Some(Form::Trace(FluidTrace::Cross(k, power), factor / pairing))
+        };
+        match (a, b) {
+            (Form::Image(FluidField::Vorticity, p), Form::Stream(stream))
+            | (Form::Stream(stream), Form::Image(FluidField::Vorticity, p)) => {
+                let [factor] = p.as_slice() else { return None };
+                let energy = Some(stream.times(factor)?);
+                Some(Form::Function(Function { energy, ..Function::default() }))
+            }
+            (Form::Image(FluidField::Carried(k), p), Form::Image(FluidField::Carried(other), q))
+                if k == other =>
+            {
+                let of_carried = BTreeMap::from([(k, product(&p, &q)?)]);
+                Some(Form::Function(Function { of_carried, ..Function::default() }))
+            }
+            (Form::Image(FluidField::Vorticity, p), Form::Star(k, power))
+            | (Form::Star(k, power), Form::Image(FluidField::Vorticity, p)) => cross(&p, k, power),
+            (Form::Image(FluidField::Vorticity, p), Form::Image(FluidField::Carried(k), q))
+            | (Form::Image(FluidField::Carried(k), q), Form::Image(FluidField::Vorticity, p)) => {
+                cross(&product(&p, &q)?, k, 1)
+            }
+            _ => None,
         }
     }
 
@@ -295,7 +377,7 @@ impl<'a> Names<'a> {
         }
         let Some((name, value)) = self.lets.get_key_value(name).map(|(name, value)| (*name, *value)) else {
             let linear = BTreeMap::from([(self.component(name)?, Rational::one())]);
-            return Some(Form::Function(Function { energy: None, linear }));
+            return Some(Form::Function(Function { linear, ..Function::default() }));
         };
         self.known.borrow_mut().insert(name, None);
         let form = self.form_at(value, depth);

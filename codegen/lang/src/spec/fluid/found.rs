@@ -1,8 +1,8 @@
-//! Where a file has the momenta of a fluid of matrices, and which sizes there are.
+//! Where a file has the momenta of a fluid of matrices and the fields that it carries, and which sizes there are.
 //!
 //! Does not know: everything else in the file.
 
-use super::super::ast::{AlgebraExpr, AlgebraNode, File, Item, ItemKind, Name};
+use super::super::ast::{AlgebraExpr, AlgebraNode, File, Item, ItemKind, Name, Node};
 use super::super::diagnostic::Span;
 use super::super::limits::MAX_MATRIX;
 use super::super::want::Want;
@@ -18,6 +18,17 @@ pub(super) struct Momenta<'a> {
     pub(super) n: usize,
     /// The name of the algebra, where it has one.
     pub(super) algebra: Option<&'a str>,
+}
+
+/// A function in the algebra of a fluid, which the flow carries.
+#[derive(Clone, Copy)]
+pub(super) struct Carried<'a> {
+    pub(super) item: &'a Item,
+    pub(super) name: &'a Name,
+    /// What the names of its components begin with, none where they have no names of the basis.
+    pub(super) label: Option<&'a Name>,
+    /// Whether it is said to be carried by `ad`, which needs all of the adjoint representation in equations.
+    pub(super) is_adjoint: bool,
 }
 
 /// Surface and size of an algebra of functions on a surface.
@@ -50,6 +61,29 @@ pub(super) fn momenta(file: &File) -> Option<Momenta<'_>> {
         let (surface, n) = surface_of(value)?;
         Some(Momenta { item, names, labels, surface, n, algebra })
     })
+}
+
+/// The functions in the algebra of the momenta that the flow carries, in the order of the file.
+pub(super) fn carried<'a>(file: &'a File, momenta: &Momenta<'_>) -> Vec<Carried<'a>> {
+    let is_of_fluid = |space: &AlgebraExpr| match &space.node {
+        AlgebraNode::Name(name) => Some(name.as_str()) == momenta.algebra,
+        _ => surface_of(space) == Some((momenta.surface, momenta.n)),
+    };
+    let of = |item: &'a Item| match &item.kind {
+        ItemKind::Advected { name, space, labels, action } => {
+            let Node::Name(by) = &action.node else { return None };
+            let is_adjoint = by == "ad";
+            let is_bracket = is_adjoint || by == "functions";
+            (is_bracket && is_of_fluid(space)).then_some(Carried {
+                item,
+                name,
+                label: labels.first(),
+                is_adjoint,
+            })
+        }
+        _ => None,
+    };
+    file.items.iter().filter_map(of).collect()
 }
 
 /// Where a scene wants matrices.

@@ -2,8 +2,9 @@
 //! size grows with `N`.
 //!
 //! A model is one where its momenta are in `zeitlin(N)` or `zeitlin_sphere(N)` of an `N` that has no table of structure
-//! constants, or where a scene wants `matrices`. Its hamiltonian is the energy of the fluid, with a radius of
-//! deformation, and terms that are linear in the vorticity; its forces are a friction and constants.
+//! constants, or a field that it carries no adjoint representation, or where a scene wants `matrices`. Its hamiltonian
+//! is the energy of the fluid, with a radius of deformation, terms that are linear in the vorticity, and energies of
+//! fields that the flow carries; its forces are a friction and constants.
 //!
 //! Deliberately does not know: structure constants, equations of motion, how matrices are multiplied.
 
@@ -18,19 +19,23 @@ use std::collections::BTreeMap;
 
 use super::ast::File;
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
+use super::limits::MAX_REPRESENTATION;
 use super::parser;
 use crate::algebra::LieAlgebra;
-use found::{Momenta, energy_text, exists, momenta, sizes, wanted};
+use found::{Momenta, carried, energy_text, exists, momenta, sizes, wanted};
 use hamel_expr::Rational;
 
-pub use model::{FluidCasimir, FluidMode, FluidParam, FluidTerm, MAX_FRICTION, MatrixFluid};
+pub use model::{
+    CarriedField, FluidCasimir, FluidField, FluidMode, FluidParam, FluidTerm, FluidTrace, MAX_CARRIED,
+    MAX_FRICTION, MatrixFluid,
+};
 pub use value::Meaning;
 pub use waves::{FluidSurface, FluidWave};
 
 impl MatrixFluid {
-    /// Largest power of a Casimir, zero where there is none.
-    pub fn n_casimirs(&self) -> usize {
-        self.casimirs.iter().map(|c| c.power).max().unwrap_or(0)
+    /// Whether it has a constant stream function, or a carried field with a constant current.
+    pub fn has_background(&self) -> bool {
+        !self.background.is_empty() || self.carried.iter().any(|field| !field.constant.is_empty())
     }
 
     /// Whether it is no ideal fluid: it has friction, or a force.
@@ -72,13 +77,18 @@ pub(super) fn read(file: &File, origin: &Origin) -> Result<MatrixFluid, Vec<Diag
 
 /// Where it stands that a model is moved as products of matrices; none for one with equations.
 pub(super) fn requested(file: &File) -> Option<Span> {
-    let has_table = |m: &Momenta<'_>| match m.surface {
-        FluidSurface::Torus => LieAlgebra::TORUS_SIZES.contains(&m.n),
-        FluidSurface::Sphere => m.n <= LieAlgebra::MAX_SPHERE,
+    let has_equations = |m: &Momenta<'_>| {
+        let has_table = match m.surface {
+            FluidSurface::Torus => LieAlgebra::TORUS_SIZES.contains(&m.n),
+            FluidSurface::Sphere => m.n <= LieAlgebra::MAX_SPHERE,
+        };
+        // No more than 21 where there is a table.
+        let has_adjoint = || (m.n * m.n - 1).pow(3) <= MAX_REPRESENTATION;
+        has_table && (has_adjoint() || carried(file, m).iter().all(|field| !field.is_adjoint))
     };
     wanted(file).or_else(|| {
         let momenta = momenta(file)?;
-        (exists(momenta.surface, momenta.n) && !has_table(&momenta)).then_some(momenta.item.span)
+        (exists(momenta.surface, momenta.n) && !has_equations(&momenta)).then_some(momenta.item.span)
     })
 }
 

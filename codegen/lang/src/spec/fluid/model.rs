@@ -9,11 +9,25 @@ use hamel_expr::Rational;
 /// Highest power of the Laplacian in a friction.
 pub const MAX_FRICTION: usize = 4;
 
-/// A coefficient of the vorticity that the model gives at time zero; all others begin with zero.
+/// Most fields that a flow of matrices carries.
+pub const MAX_CARRIED: usize = 4;
+
+/// A field of a fluid: the vorticity, or one that the flow carries, by its number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum FluidField {
+    /// The vorticity.
+    Vorticity,
+    /// A field that the flow carries, in the order of the text.
+    Carried(usize),
+}
+
+/// A coefficient of a field that the model gives at time zero; all others begin with zero.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FluidMode {
     /// Its name, such as `re_1_m2` or `c_2_1`.
     pub name: String,
+    /// Of which field.
+    pub field: FluidField,
     /// Which coefficient it is.
     pub wave: FluidWave,
     /// Value at time zero.
@@ -40,13 +54,65 @@ pub struct FluidParam {
     pub value: Rational,
 }
 
-/// A Casimir of the ideal fluid, `tr W^k/N`, or an output that is one.
+/// A field that the flow carries, `A' = [psi, A]`, and what its energy does to the vorticity:
+///
+/// ```text
+/// omega' = .. + [j, A],   j = sum over k of c_k (-Delta)^k A + constant
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct CarriedField {
+    /// Its name.
+    pub name: String,
+    /// Documentation.
+    pub doc: String,
+    /// Coefficients `c_k` of powers of minus the Laplacian in the current `j`; empty where there is none.
+    pub current: Vec<Rational>,
+    /// The constant part of the current.
+    pub constant: Vec<FluidTerm>,
+}
+
+impl CarriedField {
+    /// Whether it has an energy, so that it acts on the vorticity.
+    pub fn is_active(&self) -> bool {
+        !self.current.is_empty() || !self.constant.is_empty()
+    }
+}
+
+/// A trace of matrices.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FluidTrace {
+    /// `tr F^k/N` of a field, `k` from 1 to 16.
+    Power(FluidField, usize),
+    /// `tr(W A^k)/N` with a carried field, `k` from 1 to 16.
+    Cross(usize, usize),
+}
+
+impl FluidTrace {
+    /// The power `k`.
+    pub fn power(&self) -> usize {
+        match self {
+            FluidTrace::Power(_, power) | FluidTrace::Cross(_, power) => *power,
+        }
+    }
+
+    /// That of another power of the same field.
+    pub fn with_power(&self, power: usize) -> FluidTrace {
+        match self {
+            FluidTrace::Power(field, _) => FluidTrace::Power(*field, power),
+            FluidTrace::Cross(field, _) => FluidTrace::Cross(*field, power),
+        }
+    }
+}
+
+/// A Casimir of the ideal fluid, a number times a trace, or an output that is one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FluidCasimir {
     /// Name.
     pub name: String,
-    /// The power `k`, from 1 to 16.
-    pub power: usize,
+    /// The trace.
+    pub trace: FluidTrace,
+    /// What it is multiplied by.
+    pub factor: Rational,
     /// Documentation.
     pub doc: String,
 }
@@ -56,6 +122,8 @@ pub struct FluidCasimir {
 /// ```text
 /// omega' = [psi, omega] - d(-Delta) omega + force,   psi = scale (shift - Delta)^-1 omega + background
 /// ```
+///
+/// and what the [fields](CarriedField) add that the flow carries.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MatrixFluid {
     /// Name of the model.
@@ -80,6 +148,8 @@ pub struct MatrixFluid {
     pub shift: Rational,
     /// The constant stream function.
     pub background: Vec<FluidTerm>,
+    /// The fields that the flow carries.
+    pub carried: Vec<CarriedField>,
     /// Coefficients of powers of minus the Laplacian in the friction `d`; empty where there is none.
     pub friction: Vec<Rational>,
     /// The constant force.

@@ -5,20 +5,20 @@
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 
-use num_traits::{One, Signed, ToPrimitive, Zero};
+use num_traits::{One, Signed, Zero};
 
 use super::super::ast::{Compare, Comparison, Expr, File, Item, ItemKind, Name, Node, Shape};
 use super::super::diagnostic::{Diagnostic, Help, Origin, Span};
 use super::super::names;
 use super::super::want::Want;
-use super::form::{Form, Function, Names};
-use super::found::{Momenta, energy_text, exists, momenta, sizes, wanted};
-use super::model::{FluidCasimir, FluidMode, FluidParam, FluidTerm, MAX_FRICTION, MatrixFluid};
+use super::form::{Form, Function, MAX_POWER, Names, Polynomial};
+use super::found::{Momenta, carried, energy_text, exists, momenta, sizes, wanted};
+use super::model::{
+    CarriedField, FluidCasimir, FluidField, FluidMode, FluidParam, FluidTerm, FluidTrace, MAX_CARRIED,
+    MAX_FRICTION, MatrixFluid,
+};
 use super::waves::{FluidSurface, FluidWave};
 use hamel_expr::{Rational, rational_to_f64};
-
-/// Largest power of a Casimir.
-const MAX_POWER: usize = 16;
 
 /// Reads a fluid, with other values of its parameters.
 ///
@@ -38,7 +38,13 @@ pub(super) fn read(
         ItemKind::Let { name, value } => Some((name.text.as_str(), value)),
         _ => None,
     });
-    let names = Names { momenta, lets: lets.collect(), params: BTreeMap::new(), known: RefCell::default() };
+    let names = Names {
+        momenta,
+        carried: carried(file, &momenta),
+        lets: lets.collect(),
+        params: BTreeMap::new(),
+        known: RefCell::default(),
+    };
     let mut reader = Reader { names, origin, taken: BTreeSet::new(), problems: Vec::new() };
     let fluid = reader.fluid(file, values);
     if reader.problems.is_empty() { Ok(fluid) } else { Err(reader.problems) }
@@ -63,7 +69,7 @@ struct Met<'a> {
     /// Forces on components.
     forced: BTreeSet<FluidWave>,
     /// Traces that are claimed to be conserved.
-    casimirs: Vec<&'a Name>,
+    casimirs: Vec<(&'a Name, FluidTrace)>,
 }
 
 impl<'a> Reader<'a> {
@@ -85,6 +91,7 @@ impl<'a> Reader<'a> {
             scale: Rational::one(),
             shift: Rational::zero(),
             background: Vec::new(),
+            carried: Vec::new(),
             friction: Vec::new(),
             force: Vec::new(),
             modes: Vec::new(),
@@ -103,6 +110,7 @@ impl<'a> Reader<'a> {
             self.problem(item.span, "the vorticity is one vector, named after the basis", help);
         }
         names.iter().for_each(|name| self.name(name));
+        self.carried(&mut fluid);
         // Parameters first: everything else is made of them.
         for item in &file.items {
             if let ItemKind::Param { name, shape, default, .. } = &item.kind {
@@ -132,6 +140,16 @@ impl<'a> Reader<'a> {
                 self.name(name);
             }
             ItemKind::MomentumIn { .. } if std::ptr::eq(item, self.names.momenta.item) => {}
+            ItemKind::Advected { name, .. } => {
+                if self.names.carried.iter().all(|field| !std::ptr::eq(field.item, item)) {
+                    let help = format!(
+                        "fields of a fluid of matrices are functions in its algebra: `advected {0} in {1} as {0}_* by ad;`",
+                        name.text,
+                        self.names.momenta.algebra.unwrap_or("fluid"),
+                    );
+                    self.problem(item.span, format!("matrices do not carry `{}`", name.text), help);
+                }
+            }
             ItemKind::Action(side) if side.text == "right" => {
                 self.once(&mut met.action, "action", item.span);
             }
@@ -151,12 +169,14 @@ impl<'a> Reader<'a> {
             }
             ItemKind::Casimir { name, value } | ItemKind::Output { name, value } => {
                 self.own_name(name);
+                let found = self.casimir(value);
                 if matches!(item.kind, ItemKind::Casimir { .. }) {
-                    met.casimirs.push(name);
+                    let trace = found.as_ref().map(|(trace, _)| trace.clone());
+                    met.casimirs.push((name, trace.unwrap_or(FluidTrace::Power(FluidField::Vorticity, 1))));
                 }
-                if let Some(power) = self.casimir(value) {
+                if let Some((trace, factor)) = found {
                     let doc = item.doc.join("\n");
-                    fluid.casimirs.push(FluidCasimir { name: name.text.clone(), power, doc });
+                    fluid.casimirs.push(FluidCasimir { name: name.text.clone(), trace, factor, doc });
                 }
             }
             ItemKind::Initial { name, value } => {
@@ -192,10 +212,10 @@ impl<'a> Reader<'a> {
                 self.wants(wants, &file.items);
             }
             _ => {
-                let help = "keep the algebra, its momentum, `action right;`, the energy as hamiltonian, forces on the \
-                            vorticity, parameters, casimirs and outputs by `trace_power`, `initial` modes and `scene default`; \
-                            everything else needs equations, which zeitlin(N) up to 21 and zeitlin_sphere(N) up to 12 \
-                            have";
+                let help = "keep the algebra, its momentum, `action right;`, functions that are advected by `ad`, the \
+                            energy as hamiltonian, forces on the vorticity, parameters, casimirs and outputs by \
+                            `trace_power`, `initial` modes and `scene default`; everything else needs equations, which \
+                            zeitlin(N) up to 21 and zeitlin_sphere(N) up to 12 have";
                 let message = "this is no part of a fluid that is moved as products of matrices";
                 self.problem(item.span, message, help);
             }
@@ -212,10 +232,12 @@ impl<'a> Reader<'a> {
             let help = format!("add `hamiltonian = {};`", self.energy_text());
             self.problem(span, "the energy of the fluid is missing", help);
         }
-        for casimir in met.casimirs.iter().filter(|_| fluid.is_damped()) {
-            let message = format!("casimir {} is not conserved: friction and forces change it", casimir.text);
-            let help = format!("write `output {} = ..;` instead", casimir.text);
-            self.problem(casimir.span, message, help);
+        for (casimir, trace) in &met.casimirs {
+            if let Some(reason) = changed_by(trace, fluid) {
+                let message = format!("casimir {} is not conserved: {reason} change it", casimir.text);
+                let help = format!("write `output {} = ..;` instead", casimir.text);
+                self.problem(casimir.span, message, help);
+            }
         }
         if fluid.modes.is_empty() {
             let name = match fluid.surface {
@@ -224,6 +246,34 @@ impl<'a> Reader<'a> {
             };
             let help = format!("give modes, which are then shown: `initial {name} = 0.5;`");
             self.problem(span, "the fluid is at rest", help);
+        }
+    }
+
+    /// The fields that the flow carries, without their energy.
+    fn carried(&mut self, fluid: &mut MatrixFluid) {
+        let fields = self.names.carried.clone();
+        let mut prefixes = BTreeSet::from([self.names.prefix()]);
+        for (k, field) in fields.iter().enumerate() {
+            let name = field.name;
+            self.name(name);
+            let help = format!("write `advected {0} in .. as {0}_* by ad;`", name.text);
+            match field.label {
+                None => {
+                    let message = format!("components of `{}` are named after the basis", name.text);
+                    self.problem(name.span, message, help);
+                }
+                Some(label) if !prefixes.insert(&label.text) => {
+                    let message = format!("components of `{}` have the names of others", name.text);
+                    self.problem(label.span, message, help);
+                }
+                Some(_) => {}
+            }
+            if k == MAX_CARRIED {
+                let message = format!("{} fields are carried", fields.len());
+                self.problem(name.span, message, format!("fluids of matrices carry {MAX_CARRIED} at most"));
+            }
+            let (name, doc) = (name.text.clone(), field.item.doc.join("\n"));
+            fluid.carried.push(CarriedField { name, doc, current: Vec::new(), constant: Vec::new() });
         }
     }
 
@@ -244,11 +294,15 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The name of something else than a component of the vorticity.
+    /// The name of something else than a component of a field.
     fn own_name(&mut self, name: &Name) {
-        if self.names.component(&name.text).is_some() {
-            let help = format!("components are `{}` and names of the basis", self.names.prefix());
-            self.problem(name.span, format!("`{}` is a component of the vorticity", name.text), help);
+        if let Some((field, _)) = self.names.component(&name.text) {
+            let prefix = match field {
+                FluidField::Vorticity => self.names.prefix(),
+                FluidField::Carried(k) => self.names.carried[k].label.map_or("", |label| label.text.as_str()),
+            };
+            let help = format!("components are `{prefix}` and names of the basis");
+            self.problem(name.span, format!("`{}` is a component of {}", name.text, self.shown(field)), help);
         }
         self.name(name);
     }
@@ -337,6 +391,14 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// A field as messages name it.
+    fn shown(&self, field: FluidField) -> String {
+        match field {
+            FluidField::Vorticity => "the vorticity".into(),
+            FluidField::Carried(k) => format!("`{}`", self.names.carried[k].name.text),
+        }
+    }
+
     fn energy_text(&self) -> String {
         let momenta = &self.names.momenta;
         energy_text(momenta.surface, momenta.algebra.unwrap_or(""), self.names.vorticity())
@@ -345,10 +407,17 @@ impl<'a> Reader<'a> {
     /// The stream function is the derivative of the hamiltonian: with `q dot(omega, (c + Delta)^-1 omega)` it is
     /// `-2 q (-c - Delta)^-1 omega` by the pairing.
     fn energy(&mut self, value: &Expr, fluid: &mut MatrixFluid) {
-        let Some(Form::Function(Function { energy: Some(energy), linear })) = self.names.form(value) else {
+        let form = self.names.form(value);
+        let Some(Form::Function(Function { energy: Some(energy), of_carried, linear })) = form else {
+            let of_carried = match self.names.carried.first() {
+                Some(field) => {
+                    format!(", `-dot({0}, laplacian(..)*{0})` or another polynomial", field.name.text)
+                }
+                None => String::new(),
+            };
             let help = format!(
-                "write `hamiltonian = {};`, with `laplacian(..) - F*identity(..)` for a radius of deformation, and terms \
-                 that are numbers times components; others need equations",
+                "write `hamiltonian = {};`, with `laplacian(..) - F*identity(..)` for a radius of deformation{of_carried}, and \
+                 terms that are numbers times components; others need equations",
                 self.energy_text()
             );
             self.problem(value.span, "this is not the energy of the fluid, which matrices move by", help);
@@ -365,12 +434,35 @@ impl<'a> Reader<'a> {
             let help = "write `laplacian(..) - F*identity(..)` with a number F that is not negative";
             self.problem(value.span, "the square of the inverse radius of deformation is negative", help);
         }
-        fluid.background = terms(linear.into_iter().map(|(wave, value)| (wave, value / &pairing)));
+        let linear_in = |field: FluidField| {
+            let of_field = linear.iter().filter(|((of, _), _)| *of == field);
+            terms(of_field.map(|((_, wave), value)| (*wave, value / &pairing)))
+        };
+        fluid.background = linear_in(FluidField::Vorticity);
+        for (k, field) in fluid.carried.iter_mut().enumerate() {
+            field.constant = linear_in(FluidField::Carried(k));
+            let polynomial = of_carried.get(&k).into_iter().flatten();
+            let two = Rational::from_integer(2.into());
+            field.current = of_minus(polynomial.map(|q| q * &two / &pairing).collect());
+        }
+        let of_fields = fluid
+            .carried
+            .iter()
+            .flat_map(|field| field.current.iter().chain(field.constant.iter().map(|term| &term.value)));
+        let of_vorticity = fluid.background.iter().map(|term| &term.value);
+        let mut numbers = [&fluid.scale, &fluid.shift].into_iter().chain(of_vorticity).chain(of_fields);
+        if numbers.any(|q| !rational_to_f64(q).is_finite()) {
+            let message = "a coefficient of the energy does not fit a double";
+            self.problem(value.span, message, "give numbers below 1.7e308");
+        }
     }
 
     /// The component of the vorticity that a velocity belongs to, `dh_dre_1_0`.
     fn component_of_velocity(&self, name: &str) -> Option<FluidWave> {
-        self.names.component(name.strip_prefix("dh_d")?)
+        match self.names.component(name.strip_prefix("dh_d")?)? {
+            (FluidField::Vorticity, wave) => Some(wave),
+            (FluidField::Carried(_), _) => None,
+        }
     }
 
     fn not_forced(&mut self, span: Span) {
@@ -395,7 +487,7 @@ impl<'a> Reader<'a> {
             if std::mem::replace(&mut met.force, true) || !met.forced.is_empty() {
                 twice(self);
             }
-            let Some(Form::Image(polynomial)) = self.names.form(value) else {
+            let Some(Form::Image(FluidField::Vorticity, polynomial)) = self.names.form(value) else {
                 let omega = self.names.vorticity();
                 let help = format!(
                     "write `nu*laplacian(..)*{omega}`, a polynomial of the laplacian up to the power {MAX_FRICTION} \
@@ -404,10 +496,8 @@ impl<'a> Reader<'a> {
                 self.problem(value.span, "this is no friction of a fluid of matrices", help);
                 return;
             };
-            // The polynomial of minus the Laplacian, of minus the force.
-            fluid.friction = (polynomial.into_iter().enumerate())
-                .map(|(k, q)| if k.is_multiple_of(2) { -q } else { q })
-                .collect();
+            // Of minus the force.
+            fluid.friction = of_minus(polynomial.into_iter().map(|q| -q).collect());
             return;
         }
         match self.component_of_velocity(&name.text) {
@@ -433,41 +523,32 @@ impl<'a> Reader<'a> {
         fluid.force = terms(others.chain([(wave, q + of_wave.unwrap_or_else(Rational::zero))]));
     }
 
-    /// The power `k` of `trace_power([g,] omega, k)`.
-    fn casimir(&mut self, value: &Expr) -> Option<usize> {
-        let power = self.power_of_trace(value);
-        if power.is_none() {
-            let algebra = self.names.momenta.algebra.map_or(String::new(), |name| format!("{name}, "));
-            let omega = self.names.vorticity();
-            let help =
-                format!("write `trace_power({algebra}{omega}, k)` with a number k from 1 to {MAX_POWER}");
-            self.problem(
-                value.span,
-                "casimirs and outputs of a fluid of matrices are traces of its powers",
-                help,
+    /// The trace `trace_power([g,] f, k)` of a field, or `dot(omega, star_power([g,] a, k))`, with its factor.
+    fn casimir(&mut self, value: &Expr) -> Option<(FluidTrace, Rational)> {
+        match self.names.form(value) {
+            Some(Form::Trace(trace, factor)) if rational_to_f64(&factor).is_finite() => {
+                return Some((trace, factor));
+            }
+            _ => {}
+        }
+        let algebra = self.names.momenta.algebra.map_or(String::new(), |name| format!("{name}, "));
+        let omega = self.names.vorticity();
+        let mut help =
+            format!("write `trace_power({algebra}{omega}, k)` with a number k from 1 to {MAX_POWER}");
+        if let Some(field) = self.names.carried.first() {
+            let a = &field.name.text;
+            help += &format!(
+                ", of a field `trace_power({algebra}{a}, k)` or `dot({omega}, star_power({algebra}{a}, k))`"
             );
         }
-        power
-    }
-
-    fn power_of_trace(&self, value: &Expr) -> Option<usize> {
-        let Node::Call(function, arguments) = &value.node else { return None };
-        let (vorticity, power) = match (function.text.as_str(), arguments.as_slice()) {
-            ("trace_power", [vorticity, power]) => (vorticity, power),
-            ("trace_power", [algebra, vorticity, power]) if self.names.is_algebra(algebra) => {
-                (vorticity, power)
-            }
-            _ => return None,
-        };
-        let power = self.number(power)?;
-        let power = power.is_integer().then(|| power.numer().to_usize())??;
-        let is_whole = self.names.form(vorticity)? == Form::Image(vec![Rational::one()]);
-        (is_whole && (1..=MAX_POWER).contains(&power)).then_some(power)
+        let message = "casimirs and outputs of a fluid of matrices are traces of its powers";
+        self.problem(value.span, message, help);
+        None
     }
 
     /// The mode of a name with its value at time zero.
     fn mode(&mut self, name: &Name, value: &Expr) -> Option<FluidMode> {
-        let Some(wave) = self.names.component(&name.text) else {
+        let Some((field, wave)) = self.names.component(&name.text) else {
             let (example, n) = (self.names.prefix(), self.names.momenta.n);
             let help = match self.names.momenta.surface {
                 FluidSurface::Torus => {
@@ -482,7 +563,8 @@ impl<'a> Reader<'a> {
                     n - 1
                 ),
             };
-            self.problem(name.span, format!("`{}` is no mode of the vorticity", name.text), help);
+            let of_fields = if self.names.carried.is_empty() { "the vorticity" } else { "the fluid" };
+            self.problem(name.span, format!("`{}` is no mode of {of_fields}", name.text), help);
             return None;
         };
         let Some(Form::Number(initial)) = self.names.form(value) else {
@@ -494,7 +576,7 @@ impl<'a> Reader<'a> {
             self.problem(value.span, "the initial value does not fit a double", "give one below 1.7e308");
             return None;
         }
-        Some(FluidMode { name: name.text.clone(), wave, initial })
+        Some(FluidMode { name: name.text.clone(), field, wave, initial })
     }
 }
 
@@ -502,4 +584,24 @@ impl<'a> Reader<'a> {
 fn terms(all: impl Iterator<Item = (FluidWave, Rational)>) -> Vec<FluidTerm> {
     let sorted: BTreeMap<_, _> = all.filter(|(_, value)| !value.is_zero()).collect();
     sorted.into_iter().map(|(wave, value)| FluidTerm { wave, value }).collect()
+}
+
+/// The polynomial of minus the Laplacian that one of the Laplacian is.
+fn of_minus(polynomial: Polynomial) -> Polynomial {
+    polynomial.into_iter().enumerate().map(|(k, q)| if k.is_multiple_of(2) { q } else { -q }).collect()
+}
+
+/// What changes a trace, if anything does.
+fn changed_by(trace: &FluidTrace, fluid: &MatrixFluid) -> Option<&'static str> {
+    let acts = |k: usize| fluid.carried[k].is_active();
+    let (of_vorticity, by_fields) = match trace {
+        FluidTrace::Power(FluidField::Carried(_), _) => (false, false),
+        FluidTrace::Power(FluidField::Vorticity, _) => (true, (0..fluid.carried.len()).any(acts)),
+        FluidTrace::Cross(field, _) => (true, (0..fluid.carried.len()).any(|k| k != *field && acts(k))),
+    };
+    match (of_vorticity && fluid.is_damped(), by_fields) {
+        (true, _) => Some("friction and forces"),
+        (_, true) => Some("carried fields"),
+        _ => None,
+    }
 }

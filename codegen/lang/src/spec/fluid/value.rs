@@ -1,12 +1,12 @@
-//! The meaning of a fluid's text by arithmetic alone: its hamiltonian and its forces at a vorticity, for matrices of
-//! any size. Nothing of [`form`](super::form) is used: it is what its results are compared with.
+//! The meaning of a fluid's text by arithmetic alone: its hamiltonian and its forces at a state, for matrices of any
+//! size. Nothing of [`form`](super::form) is used: it is what its results are compared with.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
-use super::super::ast::{Expr, File, ItemKind, Node};
+use super::super::ast::{Expr, File, ItemKind, Name, Node};
 use super::super::limits::MAX_DEPTH;
-use super::found::momenta;
+use super::found::{carried, momenta};
 use super::model::MatrixFluid;
 use super::waves::{FluidSurface, FluidWave};
 use hamel_expr::rational_to_f64;
@@ -14,7 +14,7 @@ use hamel_expr::rational_to_f64;
 /// A number with its derivative in one direction.
 type Dual = [f64; 2];
 
-/// What an expression is at a vorticity.
+/// What an expression is at a state.
 #[derive(Clone, Debug)]
 enum Value {
     Number(Dual),
@@ -24,13 +24,13 @@ enum Value {
     Diagonal(Vec<Dual>),
 }
 
-/// What the hamiltonian and the forces of a fluid are at a vorticity.
+/// What the hamiltonian and the forces of a fluid are at a state.
 #[derive(Clone, Debug)]
 pub struct Meaning {
     surface: FluidSurface,
     n: usize,
-    vorticity: String,
-    prefix: String,
+    /// Names of the vorticity and of carried fields, with the prefixes of their components.
+    fields: Vec<(String, String)>,
     algebra: Option<String>,
     lets: BTreeMap<String, Expr>,
     params: BTreeMap<String, f64>,
@@ -95,8 +95,10 @@ impl Meaning {
     /// The meaning of a file that was read as the fluid.
     pub(super) fn of(file: File, fluid: &MatrixFluid) -> Meaning {
         let found = momenta(&file).expect("it was read as a fluid");
-        let vorticity = found.names[0].text.clone();
-        let prefix = found.labels[0].text.clone();
+        let mut fields = vec![(found.names[0].text.clone(), found.labels[0].text.clone())];
+        let label = |label: Option<&Name>| label.map_or(String::new(), |label| label.text.clone());
+        fields
+            .extend(carried(&file, &found).iter().map(|field| (field.name.text.clone(), label(field.label))));
         let algebra = found.algebra.map(str::to_owned);
         let (mut lets, mut hamiltonian, mut forces) = (BTreeMap::new(), None, Vec::new());
         for item in file.items {
@@ -113,8 +115,7 @@ impl Meaning {
         Meaning {
             surface: fluid.surface,
             n: fluid.n,
-            vorticity,
-            prefix,
+            fields,
             algebra,
             lets,
             params: fluid.params.iter().map(|p| (p.name.clone(), rational_to_f64(&p.value))).collect(),
@@ -123,44 +124,47 @@ impl Meaning {
         }
     }
 
-    /// The hamiltonian at a vorticity of matrices of the size `n`, and its derivative along a change of it; components
-    /// are in the order of the algebra. None where the text says nothing that arithmetic knows.
-    pub fn hamiltonian(&self, n: usize, omega: &[f64], change: &[f64]) -> Option<[f64; 2]> {
-        let omega = omega.iter().zip(change).map(|(x, dx)| [*x, *dx]).collect();
-        match self.at(n, omega).value(&self.hamiltonian, 0)? {
+    /// The hamiltonian at a state of matrices of the size `n`, and its derivative along a change of it: vorticity and
+    /// carried fields one after the other, components in the order of the algebra. None where the text says nothing
+    /// that arithmetic knows.
+    pub fn hamiltonian(&self, n: usize, state: &[f64], change: &[f64]) -> Option<[f64; 2]> {
+        let state = state.iter().zip(change).map(|(x, dx)| [*x, *dx]).collect();
+        match self.at(n, state).value(&self.hamiltonian, 0)? {
             Value::Number(value) => Some(value),
             _ => None,
         }
     }
 
-    /// The sum of all forces at a vorticity of matrices of the size `n`.
-    pub fn force(&self, n: usize, omega: &[f64]) -> Option<Vec<f64>> {
-        let at = self.at(n, omega.iter().map(|x| [*x, 0.0]).collect());
-        let mut sum = vec![0.0; omega.len()];
+    /// The sum of all forces on the vorticity at a state of matrices of the size `n`.
+    pub fn force(&self, n: usize, state: &[f64]) -> Option<Vec<f64>> {
+        let at = self.at(n, state.iter().map(|x| [*x, 0.0]).collect());
+        let mut sum = vec![0.0; at.waves.len()];
         for (velocity, force) in &self.forces {
             let name = velocity.strip_prefix("dh_d")?;
             match at.value(force, 0)? {
-                Value::Vector(list) if name == self.vorticity => {
+                Value::Vector(list) if name == self.fields[0].0 => {
                     sum.iter_mut().zip(list).for_each(|(sum, [x, _])| *sum += x);
                 }
-                Value::Number([x, _]) => sum[at.place(name)?] += x,
+                // Forces are on the vorticity, which is the first of the fields.
+                Value::Number([x, _]) => *sum.get_mut(at.place(name)?)? += x,
                 _ => return None,
             }
         }
         Some(sum)
     }
 
-    fn at(&self, n: usize, omega: Vec<Dual>) -> At<'_> {
-        At { meaning: self, n, waves: self.surface.waves(n), omega, known: RefCell::default() }
+    fn at(&self, n: usize, state: Vec<Dual>) -> At<'_> {
+        At { meaning: self, n, waves: self.surface.waves(n), state, known: RefCell::default() }
     }
 }
 
-/// A vorticity at which expressions have values.
+/// A state at which expressions have values.
 struct At<'a> {
     meaning: &'a Meaning,
     n: usize,
     waves: Vec<FluidWave>,
-    omega: Vec<Dual>,
+    /// Vorticity and carried fields.
+    state: Vec<Dual>,
     /// Values of definitions, each computed once.
     known: RefCell<BTreeMap<String, Value>>,
 }
@@ -168,9 +172,11 @@ struct At<'a> {
 impl At<'_> {
     /// The place of a component.
     fn place(&self, name: &str) -> Option<usize> {
-        let label = name.strip_prefix(self.meaning.prefix.as_str())?;
-        let wave = self.meaning.surface.wave(self.n, label)?;
-        self.waves.iter().position(|other| *other == wave)
+        let of_field = |(k, (_, prefix)): (usize, &(String, String))| {
+            let wave = self.meaning.surface.wave(self.n, name.strip_prefix(prefix.as_str())?)?;
+            Some(k * self.waves.len() + self.waves.iter().position(|other| *other == wave)?)
+        };
+        self.meaning.fields.iter().enumerate().find_map(of_field)
     }
 
     fn value(&self, expr: &Expr, depth: usize) -> Option<Value> {
@@ -227,8 +233,9 @@ impl At<'_> {
 
     fn named(&self, name: &str, depth: usize) -> Option<Value> {
         let meaning = self.meaning;
-        if name == meaning.vorticity {
-            return Some(Value::Vector(self.omega.clone()));
+        if let Some(k) = meaning.fields.iter().position(|(field, _)| field == name) {
+            let n = self.waves.len();
+            return Some(Value::Vector(self.state.get(k * n..(k + 1) * n)?.to_vec()));
         }
         if let Some(x) = meaning.params.get(name) {
             return Some(Value::Number([*x, 0.0]));
@@ -244,6 +251,6 @@ impl At<'_> {
         if Some(name) == meaning.algebra.as_deref() {
             return None;
         }
-        Some(Value::Number(self.omega[self.place(name)?]))
+        Some(Value::Number(self.state[self.place(name)?]))
     }
 }

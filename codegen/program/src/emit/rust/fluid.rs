@@ -6,7 +6,7 @@
 use std::fmt::Write as _;
 
 use super::format::{format_module, header, parse, runtime_path};
-use crate::emit::text::{FluidTermText, FluidText, SurfaceText};
+use crate::emit::text::{FluidTermText, FluidText, SurfaceText, TraceText};
 use hamel_expr::error::Error;
 
 /// The text of the module.
@@ -41,9 +41,9 @@ fn list(items: impl Iterator<Item = String>) -> String {
     items.collect::<Vec<_>>().join(", ")
 }
 
-/// Waves with the parts that are meant of them.
-fn waves<'a>(terms: impl Iterator<Item = &'a FluidTermText>) -> String {
-    list(terms.map(|m| format!("(({}, {}), {})", m.wave.0, m.wave.1, usize::from(m.is_second))))
+/// A wave with the part that is meant of it.
+fn wave(term: &FluidTermText) -> String {
+    format!("(({}, {}), {})", term.wave.0, term.wave.1, usize::from(term.is_second))
 }
 
 impl<'a> Writer<'a> {
@@ -109,10 +109,7 @@ impl<'a> Writer<'a> {
             ("FORCE", "Rates of the vorticity by the force.", &text.force),
         ] {
             if !terms.is_empty() {
-                let values = terms.iter().map(|m| {
-                    let (a, b) = m.wave;
-                    format!("((({a}, {b}), {}), {:?})", usize::from(m.is_second), m.value)
-                });
+                let values = terms.iter().map(|m| format!("({}, {:?})", wave(m), m.value));
                 let _ = write!(
                     code,
                     "/// {doc}\npub const {name}: [(Wave, f64); {}] = [{}];\n",
@@ -121,28 +118,87 @@ impl<'a> Writer<'a> {
                 );
             }
         }
+        code += &self.carried();
         if !text.friction.is_empty() {
-            let terms = text.friction.iter().enumerate().filter(|(_, c)| **c != 0.0);
-            let terms = terms.fold(String::new(), |terms, (k, c)| terms + &format!(".with({k}, {c:?})"));
+            let terms = with(&text.friction);
             let _ = write!(
                 code,
                 "/// The friction.\npub const FRICTION: {matrices}::Friction = {matrices}::Friction::none(){terms};\n"
             );
         }
+        let of_fields = if text.carried.is_empty() { "" } else { " and the fields that it carries" };
         let _ = write!(
             code,
-            "/// Modes that the model gives, of {vorticity}.\n\
+            "/// Modes that the model gives, of {vorticity}{of_fields}.\n\
              pub const MODES: [&str; {n_modes}] = [{names}];\n\
              /// Their values at time zero; all others begin with zero.\n\
              pub const INITIAL: [f64; {n_modes}] = [{initial}];\n\
              /// Their waves.\n\
              pub const WAVES: [Wave; {n_modes}] = [{waves}];\n",
             vorticity = lower(&text.vorticity),
-            names = list(text.modes.iter().map(|(name, _)| format!("{name:?}"))),
-            initial = list(text.modes.iter().map(|(_, mode)| format!("{:?}", mode.value))),
-            waves = waves(text.modes.iter().map(|(_, mode)| mode)),
+            names = list(text.modes.iter().map(|mode| format!("{:?}", mode.name))),
+            initial = list(text.modes.iter().map(|mode| format!("{:?}", mode.term.value))),
+            waves = list(text.modes.iter().map(|mode| wave(&mode.term))),
         );
+        if !text.carried.is_empty() {
+            let fields = list(text.modes.iter().map(|mode| option(mode.field)));
+            let _ = write!(
+                code,
+                "/// The carried field of each, without one the vorticity.\n\
+                 pub const FIELDS: [::core::option::Option<usize>; {n_modes}] = [{fields}];\n",
+            );
+        }
         code
+    }
+
+    /// Numbers of the fields that the flow carries.
+    fn carried(&self) -> String {
+        let Writer { text, matrices, .. } = self;
+        let n_fields = text.carried.len();
+        if n_fields == 0 {
+            return String::new();
+        }
+        let names = list(text.carried.iter().map(|field| format!("{:?}", field.name)));
+        let currents = list(text.carried.iter().map(|field| match &field.current {
+            Some(c) => format!("::core::option::Option::Some({matrices}::Current::none(){})", with(c)),
+            None => "::core::option::Option::None".to_owned(),
+        }));
+        let mut code = format!(
+            "/// Fields that the flow carries.\n\
+             pub const CARRIED: [&str; {n_fields}] = [{names}];\n\
+             /// The currents of fields that have an energy.\n\
+             pub const CURRENTS: [::core::option::Option<{matrices}::Current>; {n_fields}] = [{currents}];\n"
+        );
+        let of_fields = text.carried.iter().enumerate();
+        let constants: Vec<String> = of_fields
+            .flat_map(|(k, field)| {
+                field.constant.iter().map(move |m| format!("({k}, {}, {:?})", wave(m), m.value))
+            })
+            .collect();
+        if !constants.is_empty() {
+            let _ = write!(
+                code,
+                "/// Constant parts of currents, by the number of the field.\n\
+                 pub const CONSTANT_CURRENTS: [(usize, Wave, f64); {}] = [{}];\n",
+                constants.len(),
+                constants.join(", "),
+            );
+        }
+        code
+    }
+
+    /// Calls that make room in the options.
+    fn options(&self) -> String {
+        let text = self.text;
+        let has_constants = text.carried.iter().any(|field| !field.constant.is_empty());
+        let mut options = "options".to_owned();
+        if !text.carried.is_empty() {
+            let _ = write!(options, ".with_carried({})", text.carried.len());
+        }
+        if !text.background.is_empty() || has_constants {
+            options += ".with_background()";
+        }
+        options
     }
 
     fn surface_fn(&self) -> String {
@@ -168,10 +224,10 @@ impl<'a> Writer<'a> {
         for line in documentation(text) {
             let _ = writeln!(code, "/// {line}");
         }
-        let has_background = !text.background.is_empty();
+        let options = self.options();
         let mut room = format!("[`storage`]({matrices}::IsospectralMidpoint::storage)");
-        if has_background {
-            room += " of `options.with_background()`";
+        if options != "options" {
+            let _ = write!(room, " of `{options}`");
         }
         let of_friction = match self.is_damped {
             true => format!(", `room` for [`storage`]({matrices}::Damped::storage)"),
@@ -189,7 +245,6 @@ impl<'a> Writer<'a> {
              pub fn fluid<T, S>(surface: &{matrices}::{surface}<T>, storage: S, {argument}options: {matrices}::Options) -> \
              ::core::result::Result<{solver}, {runtime}::Error> where {ROOM} {{\n"
         );
-        let options = if has_background { "options.with_background()" } else { "options" };
         let _ = writeln!(
             code,
             "let mut fluid = {matrices}::IsospectralMidpoint::new(surface, storage, 0.0, {options})?;"
@@ -203,8 +258,25 @@ impl<'a> Writer<'a> {
                  }}\n"
             )
         };
-        if has_background {
+        if !text.background.is_empty() {
             code += &each("BACKGROUND", "fluid.background_mut()");
+        }
+        if text.carried.iter().any(|field| field.current.is_some()) {
+            code += "for (k, current) in CURRENTS.into_iter().enumerate() {\n\
+                         if let ::core::option::Option::Some(current) = current {\n\
+                             fluid.set_current(k, current)?;\n\
+                         }\n\
+                     }\n";
+        }
+        if text.carried.iter().any(|field| !field.constant.is_empty()) {
+            let _ = write!(
+                code,
+                "for (k, (wave, part), value) in CONSTANT_CURRENTS {{\n\
+                     let mut mode = [0.0; 2];\n\
+                     mode[part] = value;\n\
+                     surface.{add}(wave, mode, fluid.constant_current_mut(k));\n\
+                 }}\n"
+            );
         }
         if self.is_damped {
             let friction = match text.friction.is_empty() {
@@ -216,7 +288,22 @@ impl<'a> Writer<'a> {
         if !text.force.is_empty() {
             code += &each("FORCE", "fluid.force_mut()");
         }
-        code += &each("WAVES.into_iter().zip(INITIAL)", &format!("fluid{inner_mut}.vorticity_mut()"));
+        if text.carried.is_empty() {
+            code += &each("WAVES.into_iter().zip(INITIAL)", &format!("fluid{inner_mut}.vorticity_mut()"));
+        } else {
+            let _ = write!(
+                code,
+                "for (((wave, part), field), value) in WAVES.into_iter().zip(FIELDS).zip(INITIAL) {{\n\
+                     let mut mode = [0.0; 2];\n\
+                     mode[part] = value;\n\
+                     let matrix = match field {{\n\
+                         ::core::option::Option::Some(k) => fluid{inner_mut}.carried_mut(k),\n\
+                         ::core::option::Option::None => fluid{inner_mut}.vorticity_mut(),\n\
+                     }};\n\
+                     surface.{add}(wave, mode, matrix);\n\
+                 }}\n"
+            );
+        }
         code += "::core::result::Result::Ok(fluid)\n}\n";
         code
     }
@@ -230,33 +317,111 @@ impl<'a> Writer<'a> {
             // The mean over the sphere of what the runtime integrates.
             SurfaceText::Sphere => format!("fluid{inner_mut}.energy() / (4.0 * ::core::f64::consts::PI)"),
         };
+        let modes = match text.carried.is_empty() {
+            true => {
+                format!(
+                    "WAVES.map(|(wave, part)| fluid{inner}.surface().{read}(wave, fluid{inner}.vorticity())[part])"
+                )
+            }
+            false => format!(
+                "::core::array::from_fn(|k| {{\n\
+                     let (wave, part) = WAVES[k];\n\
+                     let matrix = match FIELDS[k] {{\n\
+                         ::core::option::Option::Some(field) => fluid{inner}.carried(field),\n\
+                         ::core::option::Option::None => fluid{inner}.vorticity(),\n\
+                     }};\n\
+                     fluid{inner}.surface().{read}(wave, matrix)[part]\n\
+                 }})"
+            ),
+        };
         let mut code = format!(
             "/// The modes [`MODES`] of the fluid.\n\
              pub fn modes<T, S>(fluid: &{solver}) -> [f64; {n_modes}] where {ROOM} {{\n\
-                 WAVES.map(|(wave, part)| fluid{inner}.surface().{read}(wave, fluid{inner}.vorticity())[part])\n\
+                 {modes}\n\
              }}\n\
              /// The energy, that of the model's hamiltonian.\n\
              pub fn energy<T, S>(fluid: &mut {solver}) -> f64 where {ROOM} {{ {energy} }}\n"
         );
+        code += &self.casimirs();
+        code
+    }
+
+    /// Casimirs, where there are any.
+    fn casimirs(&self) -> String {
+        let Writer { text, solver, inner_mut, .. } = self;
         let n_casimirs = text.casimirs.len();
-        if let Some(largest) = text.casimirs.iter().map(|(_, power)| *power).max() {
-            let names = list(text.casimirs.iter().map(|(name, _)| format!("{name:?}")));
-            let traces = list(text.casimirs.iter().map(|(_, power)| format!("traces[{}]", power - 1)));
-            let kept =
-                if self.is_damped { "friction and force alone change" } else { "steps keep to round-off" };
+        if n_casimirs == 0 {
+            return String::new();
+        }
+        let names = list(text.casimirs.iter().map(|(name, _)| format!("{name:?}")));
+        let (kept, of) = match (self.is_damped, text.carried.is_empty()) {
+            (true, true) => ("friction and force alone change", "traces of powers of the vorticity by `N`"),
+            (false, true) => ("steps keep to round-off", "traces of powers of the vorticity by `N`"),
+            (true, false) => {
+                ("the ideal fluid keeps if they are Casimirs", "traces of products of matrices by `N`")
+            }
+            (false, false) => {
+                ("steps keep to round-off if they are Casimirs", "traces of products of matrices by `N`")
+            }
+        };
+        // Traces of powers of one field, or of their products with the vorticity, are computed at once.
+        let mut lines = String::new();
+        let mut families: Vec<(Option<usize>, bool)> = Vec::new();
+        for (_, trace) in &text.casimirs {
+            let family = (trace.field, trace.is_cross);
+            if families.contains(&family) {
+                continue;
+            }
+            families.push(family);
+            let all = text.casimirs.iter().map(|(_, trace)| trace);
+            let of_family = all.filter(|trace| (trace.field, trace.is_cross) == family);
+            let largest = of_family.map(|trace| trace.power).max().unwrap_or(0);
+            let variable = variable(trace);
+            let call = match family {
+                (None, _) => "casimirs(".to_owned(),
+                (Some(k), false) => format!("carried_casimirs({k}, "),
+                (Some(k), true) => format!("cross_casimirs({k}, "),
+            };
             let _ = write!(
-                code,
-                "/// Casimirs of the model, traces of powers of the vorticity by `N`.\n\
-                 pub const CASIMIRS: [&str; {n_casimirs}] = [{names}];\n\
-                 /// The Casimirs [`CASIMIRS`] of the fluid, which {kept}.\n\
-                 pub fn casimirs<T, S>(fluid: &mut {solver}) -> [f64; {n_casimirs}] where {ROOM} {{\n\
-                     let mut traces = [0.0; {largest}];\n\
-                     fluid{inner_mut}.casimirs(&mut traces);\n\
-                     [{traces}]\n\
-                 }}\n"
+                lines,
+                "let mut {variable} = [0.0; {largest}];\nfluid{inner_mut}.{call}&mut {variable});\n"
             );
         }
-        code
+        let traces = list(text.casimirs.iter().map(|(_, trace)| {
+            let value = format!("{}[{}]", variable(trace), trace.power - 1);
+            if trace.factor == 1.0 { value } else { format!("{:?} * {value}", trace.factor) }
+        }));
+        format!(
+            "/// Casimirs of the model, {of}.\n\
+             pub const CASIMIRS: [&str; {n_casimirs}] = [{names}];\n\
+             /// The Casimirs [`CASIMIRS`] of the fluid, which {kept}.\n\
+             pub fn casimirs<T, S>(fluid: &mut {solver}) -> [f64; {n_casimirs}] where {ROOM} {{\n\
+                 {lines}[{traces}]\n\
+             }}\n"
+        )
+    }
+}
+
+/// The variable of the traces of a family.
+fn variable(trace: &TraceText) -> String {
+    match (trace.field, trace.is_cross) {
+        (None, _) => "traces".to_owned(),
+        (Some(k), false) => format!("traces_{k}"),
+        (Some(k), true) => format!("crosses_{k}"),
+    }
+}
+
+/// Calls that set coefficients which do not vanish.
+fn with(coefficients: &[f64]) -> String {
+    let terms = coefficients.iter().enumerate().filter(|(_, c)| **c != 0.0);
+    terms.fold(String::new(), |terms, (k, c)| terms + &format!(".with({k}, {c:?})"))
+}
+
+/// A number as an option.
+fn option(number: Option<usize>) -> String {
+    match number {
+        Some(k) => format!("::core::option::Option::Some({k})"),
+        None => "::core::option::Option::None".to_owned(),
     }
 }
 
