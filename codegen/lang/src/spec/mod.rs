@@ -62,7 +62,7 @@ pub use ast::Compare;
 pub use builder::{ModelBuilder, Placement};
 pub use configuration::Configuration;
 pub use constraint::{
-    CarriedAcceleration, Constraint, ConstraintKind, Implied, PositionEquation, VirtualConstraint,
+    CarriedAcceleration, Constraint, ConstraintKind, Implied, Lyapunov, PositionEquation, VirtualConstraint,
 };
 pub use context::Context;
 pub use decisive::{Made, decisive};

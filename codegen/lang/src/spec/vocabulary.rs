@@ -179,6 +179,16 @@ const OF_ITEMS: &[(&str, &str)] = &[
         "`multipliers` keeps all velocities and solves for the multipliers, which is also what happens \
          when no constant choice of independent velocities exists.",
     ),
+    (
+        "actuate",
+        "`actuate u along x_dot;` is a force whose power is `u*x_dot`, with a value that follows from a \
+         Lyapunov function;",
+    ),
+    (
+        "lyapunov",
+        "`lyapunov V = .. rate ..;` is a function of coordinates and velocities with the rate that it is to \
+         have along the motion.",
+    ),
     ("force", "An external force `F_a` paired with a velocity, vector or component: its power is `F . xi`."),
     ("moment", "`moment on B: M;` is `force along B_spin: M;`, a moment in the body's frame."),
     (

@@ -20,6 +20,7 @@ mod displacements;
 mod entropies;
 mod equations;
 mod equivalence;
+mod feedback;
 mod gauge;
 mod gauss;
 mod given;

@@ -18,6 +18,7 @@ mod first_order;
 mod frame;
 mod given;
 mod inputs;
+mod lyapunov;
 mod modes;
 mod momenta;
 mod named_frames;
