@@ -297,6 +297,8 @@ pub enum Error {
         force: String,
         /// What would have to be zero, or why nothing is divided.
         reason: String,
+        /// What to change.
+        help: &'static str,
     },
     /// Virtual displacements depend on an acceleration that the constraints do not determine.
     UndeterminedAcceleration {
@@ -585,9 +587,9 @@ impl Error {
                 format!("the constraints do not determine {multipliers}: that reaction changes nothing that they restrict"),
                 "let the reaction act on what is restricted, with other `virtual` conditions; constraints must not depend on each other".into(),
             ),
-            Error::NoMatching { function, force, reason } => (
+            Error::NoMatching { function, force, reason, help } => (
                 format!("no force `{force}` gives `{function}` its rate at every velocity: {reason}"),
-                "the rate that is asked for has to be that without the force wherever the force does not change it: choose other coefficients of the function, by the equations that what is left gives".into(),
+                (*help).into(),
             ),
             Error::UndeterminedAcceleration { condition, acceleration } => (
                 format!("condition `{condition}` depends on `{acceleration}`, which the constraints do not determine"),

@@ -88,7 +88,10 @@ impl Polynomial {
                             total.values_mut().for_each(|c| *c = g.mul(*c, power));
                             continue;
                         };
-                        let n = q.numer().to_u32().filter(|n| q.is_integer() && q.is_positive() && *n <= MAX_DEGREE)?;
+                        let n = q
+                            .numer()
+                            .to_u32()
+                            .filter(|n| q.is_integer() && q.is_positive() && *n <= MAX_DEGREE)?;
                         for _ in 0..n {
                             total = multiplied(g, &total, terms)?;
                         }
@@ -188,11 +191,10 @@ impl Polynomial {
     }
 }
 
-/// An equal expression where everything has cancelled that is seen to, if that is shorter.
+/// The shortest of an expression, the same in lowest terms, and the same as one quotient.
 fn shorter(g: &mut Graph, fractions: &mut Fractions, e: ExprId) -> ExprId {
-    let normal = fractions.normal(g, e);
-    let [long, short] = [e, normal].map(|e| g.reachable(&[e]).len());
-    if short < long { normal } else { e }
+    let forms = [e, fractions.normal(g, e), fractions.quotient(g, e)];
+    forms.into_iter().min_by_key(|e| g.reachable(&[*e]).len()).unwrap_or(e)
 }
 
 fn multiplied(

@@ -636,7 +636,9 @@ impl Model {
                 .chain(conditions)
                 .find(|(text, _)| equations.contains(text))
                 .and_then(|(_, span)| span),
-            Error::NoResponse { .. } | Error::NoMatching { .. } => self.constraints.first().and_then(|c| c.span),
+            Error::NoResponse { .. } | Error::NoMatching { .. } => {
+                self.constraints.first().and_then(|c| c.span)
+            }
             Error::NotSolvable { .. } | Error::WrongNumberOfIndependent { .. } => {
                 self.places.independent.or(self.constraints.first().and_then(|c| c.span))
             }

@@ -290,7 +290,7 @@ const PARTS: &[(&str, &str, &str)] = &[
     ("relative", "relative Omega", "The velocities that move the frame of a configuration follow."),
     ("where", "where m > 0", "Conditions on the parameter, checked where parameters are given."),
     ("thermo", "virtual thermo;", "Displacements of constraints that are balances of powers."),
-    ("along", "force along u: F;", "The velocity that the force is paired with follows."),
+    ("along", "force along u: F;", "The velocity that the force or the actuator is paired with follows."),
     ("mass", "mass m;", "The mass of the body."),
     ("place", "place p;", "Where the mass centre of the body is."),
     ("inertia", "inertia I;", "The inertia about the mass centre, in the body's frame."),

@@ -21,14 +21,26 @@ use num_traits::{One, Signed};
 
 use crate::reduction::{Feedback, ReducedSystem};
 use hamel_expr::error::Error;
-use hamel_expr::{Definition, ExprId, Node, Polynomial, Rational, Style, SymbolId, Vanishing, inlined};
+use hamel_expr::{
+    Definition, ExprId, Node, Polynomial, Rational, Sign, Style, SymbolId, Vanishing, inlined, sign_of,
+};
 use hamel_lang::algebra::tableau::{Grade, Judge, Known};
 
 use super::derive::Derivation;
+use super::equations::Decrease;
 use super::solve::Pivot;
 
 /// Characters of what is left of a matching condition that are shown.
 const MAX_SHOWN: usize = 300;
+
+/// What to do about a remainder.
+const MATCHING: &str =
+    "choose coefficients of the function, or a rate, for which that vanishes at every state";
+/// What to do about functions that are no polynomials.
+const POLYNOMIAL: &str =
+    "the Lagrangian is quadratic in the velocities, and the function and its rate are polynomials in them";
+/// What to do about expressions without values.
+const VALUES: &str = "write the function and its rate without what has no value";
 
 /// The parts of the rate of a function along the motion.
 pub(super) struct RateOfFunction<'a> {
@@ -52,10 +64,11 @@ impl Derivation<'_> {
         feedback: &Feedback,
         rate: &RateOfFunction<'_>,
     ) -> Result<((String, ExprId), Option<Pivot>), Error> {
-        let refused = |reason: String| Error::NoMatching {
+        let refused = |reason: String, help: &'static str| Error::NoMatching {
             function: feedback.function.clone(),
             force: feedback.actuator.clone(),
             reason,
+            help,
         };
         let name = self.g.name(feedback.response).to_owned();
         self.writer.begin(&format!("what {} has from {}", feedback.function, feedback.actuator));
@@ -72,10 +85,14 @@ impl Derivation<'_> {
         let definitions: Vec<Definition> = self.writer.definitions().copied().collect();
         let values = inlined(&mut self.g, &definitions);
         let spelled = self.g.subs_all(&[known, whole], &values);
-        let spelled = spelled.map_err(|_| refused("it divides by zero".into()))?;
-        let [a, divisor] = spelled[..] else { return Err(refused("it has no value".into())) };
+        let spelled = spelled.map_err(|_| refused("it divides by zero".into(), VALUES))?;
+        let [a, divisor] = spelled[..] else { return Err(refused("it has no value".into(), VALUES)) };
         if self.g.vanishing(divisor) == Vanishing::Zero {
-            return Err(refused(format!("the force does not change the rate: `{name}` is zero")));
+            let reason = format!("the force does not change the rate: `{name}` is zero");
+            return Err(refused(
+                reason,
+                "a function of the velocities whose accelerations the force changes has it",
+            ));
         }
         let (quotient, pivot) = self.quotient_of(feedback, &name, [a, divisor], &refused)?;
         self.writer.begin(&format!("force {0}, for d{1}/dt", feedback.actuator, feedback.function));
@@ -91,7 +108,7 @@ impl Derivation<'_> {
         feedback: &Feedback,
         name: &str,
         [a, b]: [ExprId; 2],
-        refused: &dyn Fn(String) -> Error,
+        refused: &dyn Fn(String, &'static str) -> Error,
     ) -> Result<(ExprId, Option<Pivot>), Error> {
         let free = [a, b].map(|e| self.g.free_symbols(e));
         let momenta = self.system.momenta.iter().filter_map(|m| m.symbol);
@@ -107,7 +124,7 @@ impl Derivation<'_> {
             let polynomials = [a, b].map(|e| Polynomial::new(&mut self.g, e, &order));
             let [Some(a), Some(b)] = polynomials else {
                 let what = "it is no polynomial in the velocities, by which it could be divided";
-                return Err(refused(what.into()));
+                return Err(refused(what.into(), POLYNOMIAL));
             };
             let Some((_, leading)) = b.leading() else { continue };
             let Some(grade) = judge.grade(&mut self.g, leading) else { continue };
@@ -116,23 +133,25 @@ impl Derivation<'_> {
             }
         }
         let Some(((grade, _), [dividend, divisor])) = best else {
-            return Err(refused(format!("it is not seen that `{name}` is not zero")));
+            return Err(refused(format!("it is not seen that `{name}` is not zero"), VALUES));
         };
         let divided = dividend.divided_by(&mut self.g, &divisor);
         self.g.within_budget()?;
-        let division = divided.ok_or_else(|| refused("its coefficients divide by zero".into()))?;
+        let division = divided.ok_or_else(|| refused("its coefficients divide by zero".into(), VALUES))?;
         if !division.remainder.is_zero() {
             // a - mu stands here: what is told is that of mu - a.
             let left = division.remainder.expression(&mut self.g);
             let left = self.g.neg(left);
             let left = shortened(&self.g.display(left, Style::Plain));
-            return Err(refused(format!("what is left of the division by `{name}` is `{left}`")));
+            return Err(refused(format!("what is left of the division by `{name}` is `{left}`"), MATCHING));
         }
         let quotient = division.quotient.expression(&mut self.g);
         let product = self.g.mul(quotient, b);
         let difference = self.g.sub(product, a);
         if self.g.vanishing(difference) != Vanishing::Zero {
-            return Err(refused(format!("the product of the quotient with `{name}` is not proved")));
+            let reason =
+                format!("the product of the quotient with `{name}` is not proved to be what is divided");
+            return Err(refused(reason, VALUES));
         }
         let (powers, leading) = divisor.leading().expect("a divisor has a leading term");
         let watched = (grade >= Grade::Parameter).then(|| {
@@ -167,6 +186,17 @@ impl Derivation<'_> {
     fn with_response(&mut self, e: ExprId, symbol: SymbolId, value: ExprId) -> Result<ExprId, Error> {
         let place = || Error::DivisionByZero { place: "the rate of the Lyapunov function".into() };
         self.g.subs(e, &BTreeMap::from([(symbol, value)])).map_err(|_| place())
+    }
+
+    /// What is seen of the sign of the rate.
+    pub(super) fn decrease(&mut self, feedback: &Feedback) -> Decrease {
+        if self.g.is_zero(feedback.rate) {
+            return Decrease::Conserved;
+        }
+        match sign_of(&self.g, feedback.rate, &self.system.signs) {
+            Sign::Negative | Sign::NonPositive => Decrease::Proved,
+            _ => Decrease::Unseen,
+        }
     }
 
     /// The system with the graph of the derivation, and what a function has from the force of an actuator in the place

@@ -53,7 +53,9 @@ impl Derivation<'_> {
             let labels = prefixed(&format!("Z{}", c + 1));
             response.push(factors.solve(&mut self.g, &mut self.writer, &labels, form));
         }
-        if let (Some(feedback), [row], [column]) = (&self.system.feedback, rows.as_slice(), response.as_slice()) {
+        if let (Some(feedback), [row], [column]) =
+            (&self.system.feedback, rows.as_slice(), response.as_slice())
+        {
             let AccelerationSource::Servo(rest) = row.source else {
                 return Err(Error::Unsupported {
                     what: "a Lyapunov function whose row is no condition on accelerations".into(),

@@ -369,6 +369,7 @@ impl Derivation<'_> {
             outputs.extend(self.momentum_equation(solved)?);
         }
         facts.entropies = productions(system);
+        facts.decrease = system.feedback.as_ref().map(|own| self.decrease(own));
         // Claims that do not hold at every state, each with its error unless it holds on the constraint.
         let mut claims = Vec::new();
         if !system.casimirs.is_empty() {

@@ -150,7 +150,8 @@ pub(super) fn on_algebroid(
     }
     let feedback = model.lyapunov.take().map(|own| {
         let spec::Lyapunov { name: function, rate, response, actuator, value: _, span: _ } = own;
-        Feedback { function, actuator, response, rate }
+        let slope = model.graph.sym(response);
+        Feedback { function, actuator, response, slope, rate }
     });
     let noises = noise::taken(&model).map(|noise| noise.symbol).collect();
     Ok(ReducedSystem {

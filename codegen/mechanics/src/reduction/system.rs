@@ -119,8 +119,10 @@ pub struct Feedback {
     pub function: String,
     /// The name of the actuator.
     pub actuator: String,
-    /// What stands for `d(dV/dt)/du` in the row and in outputs; after the derivation they have its value.
+    /// Stands for `d(dV/dt)/du` in the row and in outputs; after the derivation they have its value.
     pub response: SymbolId,
+    /// `d(dV/dt)/du`: the symbol, and after the derivation its value.
+    pub slope: ExprId,
     /// `dV/dt`.
     pub rate: ExprId,
 }
@@ -339,7 +341,8 @@ impl ReducedSystem {
         for (k, output) in outputs.iter_mut().enumerate() {
             list.extend(output.components.iter_mut().map(|(_, e)| (Part::Output(k), e)));
         }
-        list.extend(feedback.iter_mut().map(|feedback| (Part::Feedback, &mut feedback.rate)));
+        let feedback = feedback.iter_mut().flat_map(|own| [&mut own.rate, &mut own.slope]);
+        list.extend(feedback.map(|e| (Part::Feedback, e)));
         for (k, section) in sections.iter_mut().enumerate() {
             list.extend(section.coefficients.iter_mut().map(|e| (Part::Section(k), e)));
         }

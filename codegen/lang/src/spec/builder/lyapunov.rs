@@ -135,7 +135,8 @@ impl ModelBuilder {
             ),
             ([actuator], []) => {
                 let message = format!("nothing says what the force `{}` of the actuator is", actuator.name);
-                let help = "write `lyapunov V = ..;` with a function that changes at a rate, or `input u = 0;`";
+                let help =
+                    "write `lyapunov V = ..;` with a function that changes at a rate, or `input u = 0;`";
                 Some(Diagnostic::new(actuator.span, message).with_help(help))
             }
             ([], [function]) => {
@@ -223,7 +224,16 @@ impl ModelBuilder {
         let text = format!("the rate of {name}");
         let kind = ConstraintKind::SecondOrder { acceleration };
         let (position, gives, mode) = (None, None, None);
-        constraints.push(Constraint { name: name.clone(), text, kind, residual, position, gives, mode, span });
+        constraints.push(Constraint {
+            name: name.clone(),
+            text,
+            kind,
+            residual,
+            position,
+            gives,
+            mode,
+            span,
+        });
         let text = format!("the power of {}", actuator.name);
         let (power_of, span) = (None, actuator.span);
         conditions.push(VirtualConstraint {

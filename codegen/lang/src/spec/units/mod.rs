@@ -464,7 +464,9 @@ impl Check<'_> {
     /// The force of an actuator by its power, and what a function has from it.
     fn feedback(&mut self) {
         let model = self.model;
-        let (Some(lyapunov), Some(condition)) = (&model.lyapunov, model.virtual_constraints.first()) else { return };
+        let (Some(lyapunov), Some(condition)) = (&model.lyapunov, model.virtual_constraints.first()) else {
+            return;
+        };
         let own = model.multipliers.iter().find(|(name, _)| *name == lyapunov.name);
         let Some(force) = own.map(|(_, symbol)| self.dimensions.of_symbol(*symbol)) else { return };
         let second = self.second.clone();
