@@ -296,7 +296,8 @@ const WHEEL: &str = "model wheel {
     output power = u*phi_dot;
     output half = dV_du/2;
     scene all {
-        want rhs, energy, energy_rate, momentum, multipliers, outputs, jacobian, jvp, vjp, time_derivative, sensitivity;
+        want rhs, energy, energy_rate, momentum, multipliers, outputs, jacobian, jvp, vjp, time_derivative, sensitivity,
+            output_jacobian;
     }
 }";
 
@@ -594,6 +595,8 @@ fn faults() -> Vec<Fault> {
             }
             *rest(&mut rows[0]) = g.scale(*rest(&mut rows[0]), &Rational::from_integer(2.into()));
         };
+        "the sign of an entry of the Jacobian of a force" in WHEEL "all": Program(p) =>
+            flip(p, &values("output_jacobian"), 4);
         "the sign of a Lyapunov function" in WHEEL "all": Program(p) => flip(p, &values("V"), 0);
         "the sign of a force that is an output" in WHEEL "all": Program(p) => flip(p, &values("u"), 0);
         "the power of a force that is an output" in WHEEL "all": Program(p) => flip(p, &values("power"), 0);
