@@ -289,7 +289,7 @@ pub enum Error {
         /// A combination of multipliers.
         multipliers: String,
     },
-    /// A function to which no force gives its rate at every velocity: what is left of the matching condition.
+    /// A function to which no force gives its rate at every velocity: the matching condition fails.
     NoMatching {
         /// The function.
         function: String,

@@ -33,7 +33,7 @@ pub struct Polynomial {
 pub struct Division {
     /// Terms of `a` that the leading term of `b` divides, one after the other.
     pub quotient: Polynomial,
-    /// What is left, of which the leading term of `b` divides none.
+    /// Terms that the leading term of `b` does not divide.
     pub remainder: Polynomial,
 }
 
@@ -45,7 +45,7 @@ enum Part {
 }
 
 impl Polynomial {
-    /// An expression as a polynomial in symbols, the first of which leads; none where it is not written as one, with
+    /// An expression as a polynomial in symbols, the first of which leads; nothing where it is not written as one, with
     /// positive whole powers of sums and products.
     pub fn new(g: &mut Graph, e: ExprId, symbols: &[SymbolId]) -> Option<Polynomial> {
         let unit = |k: usize| (0..symbols.len()).map(|j| u32::from(j == k)).collect::<Powers>();
@@ -154,7 +154,7 @@ impl Polynomial {
         g.sum(&terms)
     }
 
-    /// Division with a remainder; none by zero, and where coefficients outgrow what a polynomial may have.
+    /// Division with a remainder, but not by zero, and not where coefficients outgrow what a polynomial may have.
     ///
     /// # Panics
     /// Unless both are polynomials in the same symbols, in the same order.
@@ -244,7 +244,7 @@ mod tests {
             let found = division.quotient.expression(&mut g);
             assert!(g.is_equal(found, q));
         }
-        // What is left of another term is told.
+        // The remainder of another term is told.
         let more = g.add(a, c);
         let [n, d] = [more, b].map(|e| Polynomial::new(&mut g, e, &[y, x]).unwrap());
         let division = n.divided_by(&mut g, &d).unwrap();

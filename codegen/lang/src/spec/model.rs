@@ -51,7 +51,7 @@ pub struct Noise {
     pub name: String,
     /// Its symbol, that of one of [`Model::inputs`].
     pub symbol: SymbolId,
-    /// The function `h(x, p, a, t)` that it multiplies, and where it stands; none of a noise that the model mentions.
+    /// The function `h(x, p, a, t)` that it multiplies, and where it stands; a noise that the model mentions has none.
     pub hamiltonian: Option<(ExprId, Option<Span>)>,
     /// Where it is declared.
     pub span: Option<Span>,
@@ -636,10 +636,8 @@ impl Model {
                 .chain(conditions)
                 .find(|(text, _)| equations.contains(text))
                 .and_then(|(_, span)| span),
-            Error::NoResponse { .. } | Error::NoMatching { .. } => {
-                self.constraints.first().and_then(|c| c.span)
-            }
-            Error::NotSolvable { .. } | Error::WrongNumberOfIndependent { .. } => {
+            Error::NoResponse { .. } => self.constraints.first().and_then(|c| c.span),
+            Error::NotSolvable { .. } | Error::WrongNumberOfIndependent { .. } | Error::NoMatching { .. } => {
                 self.places.independent.or(self.constraints.first().and_then(|c| c.span))
             }
             Error::UndeterminedAcceleration { condition, .. } => {

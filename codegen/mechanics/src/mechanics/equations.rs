@@ -84,7 +84,7 @@ pub struct Facts {
     pub casimirs: Vec<String>,
     /// In the multiplier form: Casimirs that are conserved where the constraints hold, verified.
     pub casimirs_on_constraint: Vec<String>,
-    /// What is seen of the rate of a Lyapunov function, where there is one.
+    /// Whether a Lyapunov function is seen not to increase, where there is one.
     pub decrease: Option<Decrease>,
     /// Entropies that `virtual thermo` gives, and their sum where there are several.
     pub entropies: Vec<Production>,

@@ -8,7 +8,7 @@
 //!
 //! and `dV/dt = mu` is `b u = mu - a`. At rest `b` vanishes, for a function with its least value there, so that `u` is
 //! a function of the state where `mu - a` is divisible by `b`: the matching condition of energy shaping, whose terms
-//! of second order in the velocities are its kinetic equations, and those of order zero its potential equation.
+//! of second order in the velocities are its kinetic equations, the others its potential equation.
 //!
 //! Does not know: what the function is for, how accelerations are solved for.
 //!
@@ -30,16 +30,16 @@ use super::derive::Derivation;
 use super::equations::Decrease;
 use super::solve::Pivot;
 
-/// Characters of what is left of a matching condition that are shown.
+/// Characters of a remainder that are shown.
 const MAX_SHOWN: usize = 300;
 
-/// What to do about a remainder.
+/// Advice about a remainder.
 const MATCHING: &str =
     "choose coefficients of the function, or a rate, for which that vanishes at every state";
-/// What to do about functions that are no polynomials.
+/// Advice about functions that are no polynomials.
 const POLYNOMIAL: &str =
     "the Lagrangian is quadratic in the velocities, and the function and its rate are polynomials in them";
-/// What to do about expressions without values.
+/// Advice about expressions without values.
 const VALUES: &str = "write the function and its rate without what has no value";
 
 /// The parts of the rate of a function along the motion.
@@ -55,7 +55,7 @@ pub(super) struct RateOfFunction<'a> {
 }
 
 impl Derivation<'_> {
-    /// `u = (mu - a)/b` by name, and what is divided by where that may vanish.
+    /// `u = (mu - a)/b` by name, and its divisor where that may vanish.
     ///
     /// # Errors
     /// [`Error::NoMatching`] with the remainder.
@@ -76,7 +76,7 @@ impl Derivation<'_> {
         let whole = self.g.cancel_zero(whole);
         let b = self.define(&name, whole);
         self.response = Some(b);
-        // What has the factor b by itself is divided at once, and keeps its name.
+        // Terms with the factor b are divided at once, and it keeps its name.
         let (of_damping, others) = self.by_response(rate.rest, feedback.response);
         let damping = self.with_response(of_damping, feedback.response, b)?;
         let along = self.g.dot(rate.slope, rate.free);
@@ -94,7 +94,7 @@ impl Derivation<'_> {
                 "a function of the velocities whose accelerations the force changes has it",
             ));
         }
-        let (quotient, pivot) = self.quotient_of(feedback, &name, [a, divisor], &refused)?;
+        let (quotient, pivot) = self.quotient_of(&name, [a, divisor], &refused)?;
         self.writer.begin(&format!("force {0}, for d{1}/dt", feedback.actuator, feedback.function));
         let sum = self.g.add(quotient, damping);
         let force = self.g.neg(sum);
@@ -105,7 +105,6 @@ impl Derivation<'_> {
     /// `a/b`, exactly.
     fn quotient_of(
         &mut self,
-        feedback: &Feedback,
         name: &str,
         [a, b]: [ExprId; 2],
         refused: &dyn Fn(String, &'static str) -> Error,
@@ -139,25 +138,25 @@ impl Derivation<'_> {
         self.g.within_budget()?;
         let division = divided.ok_or_else(|| refused("its coefficients divide by zero".into(), VALUES))?;
         if !division.remainder.is_zero() {
-            // a - mu stands here: what is told is that of mu - a.
+            // The dividend is a - mu, and the remainder of mu - a is told.
             let left = division.remainder.expression(&mut self.g);
             let left = self.g.neg(left);
             let left = shortened(&self.g.display(left, Style::Plain));
-            return Err(refused(format!("what is left of the division by `{name}` is `{left}`"), MATCHING));
+            return Err(refused(format!("the remainder of the division by `{name}` is `{left}`"), MATCHING));
         }
         let quotient = division.quotient.expression(&mut self.g);
         let product = self.g.mul(quotient, b);
         let difference = self.g.sub(product, a);
         if self.g.vanishing(difference) != Vanishing::Zero {
             let reason =
-                format!("the product of the quotient with `{name}` is not proved to be what is divided");
+                format!("the product of the quotient with `{name}` is not proved to be the dividend");
             return Err(refused(reason, VALUES));
         }
         let (powers, leading) = divisor.leading().expect("a divisor has a leading term");
         let watched = (grade >= Grade::Parameter).then(|| {
             let monomial = divisor.monomial(&mut self.g, powers);
             let monomial = self.g.display(monomial, Style::Plain);
-            let what = format!("coefficient of {monomial} in {name}, what {} has", feedback.function);
+            let what = format!("coefficient of {monomial} in {name}");
             Pivot::of_coefficients(&what, leading)
         });
         Ok((quotient, watched))
@@ -188,7 +187,7 @@ impl Derivation<'_> {
         self.g.subs(e, &BTreeMap::from([(symbol, value)])).map_err(|_| place())
     }
 
-    /// What is seen of the sign of the rate.
+    /// Whether the sign of the rate is seen.
     pub(super) fn decrease(&mut self, feedback: &Feedback) -> Decrease {
         if self.g.is_zero(feedback.rate) {
             return Decrease::Conserved;

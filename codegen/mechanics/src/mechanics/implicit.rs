@@ -84,12 +84,6 @@ pub fn implicit_form(
     state: &[StateEquation],
 ) -> Result<ImplicitForm, Error> {
     let system = &equations.system;
-    if let Some(own) = &system.feedback {
-        return Err(Error::Unsupported {
-            what: format!("the implicit form beside the force `{}` of an actuator", own.actuator),
-            possible: "`rhs`, where the factor of the force is divided out".into(),
-        });
-    }
     let mut form = Form {
         system,
         equations,

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::event_drafts::EventDraft;
 pub(super) use super::event_drafts::Located;
-use super::lyapunov::FeedbackDraft;
+use super::feedback_drafts::FeedbackDraft;
 use crate::algebra::LieAlgebra;
 use crate::spec::diagnostic::{Diagnostic, Help, Span};
 use crate::spec::group::Group;

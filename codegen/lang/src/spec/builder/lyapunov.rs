@@ -11,40 +11,13 @@
 use std::collections::BTreeSet;
 
 use super::draft::{DeclaredAs, ModelBuilder};
+use super::feedback_drafts::{Actuator, FeedbackDraft, Function};
 use super::symbols::Special;
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::event::OutputPart;
 use crate::spec::model::*;
 use crate::spec::value::Value;
 use hamel_expr::{ExprId, SymbolId};
-
-/// What is declared of actuators and Lyapunov functions.
-#[derive(Clone, Debug, Default)]
-pub(super) struct FeedbackDraft {
-    actuators: Vec<Actuator>,
-    functions: Vec<Function>,
-    /// `dV/du` of a function, by its name and its symbol.
-    responses: Vec<(String, SymbolId)>,
-}
-
-#[derive(Clone, Debug)]
-struct Actuator {
-    name: String,
-    symbol: SymbolId,
-    /// The velocity that it acts along, once it is known.
-    along: Option<Value>,
-    doc: String,
-    span: Option<Span>,
-}
-
-#[derive(Clone, Debug)]
-struct Function {
-    name: String,
-    value: Value,
-    rate: Option<Value>,
-    doc: String,
-    span: Option<Span>,
-}
 
 impl ModelBuilder {
     /// The force of an actuator, a number; [`ModelBuilder::actuated_along`] says along what.
@@ -69,7 +42,7 @@ impl ModelBuilder {
         Value::Scalar(expr)
     }
 
-    /// The velocity, linear in those of the model, along which an actuator acts: the power of its force `u` is `u`
+    /// The combination of velocities along which an actuator acts: the power of its force `u` is `u`
     /// times that velocity.
     pub fn actuated_along(&mut self, actuator: &str, velocity: &Value) -> &mut Self {
         if let Some(own) = self.feedback.actuators.iter_mut().find(|a| a.name == actuator) {

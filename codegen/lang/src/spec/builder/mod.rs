@@ -14,6 +14,7 @@ mod draft;
 mod dynamics;
 mod event_drafts;
 mod events;
+mod feedback_drafts;
 mod first_order;
 mod frame;
 mod given;

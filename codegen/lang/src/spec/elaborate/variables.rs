@@ -141,7 +141,7 @@ impl Elaboration<'_> {
                 self.builder.at(Some(name.span)).actuator(&name.text, &item.doc.join("\n"));
             }
         }
-        // What is wrong with several is said once all is known.
+        // Several of them are refused once all is known.
         let Some(actuator) = self.builder.actuators().into_iter().next() else { return };
         for item in items {
             if let ItemKind::Lyapunov { name, .. } = &item.kind {
