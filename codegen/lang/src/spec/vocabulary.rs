@@ -181,13 +181,13 @@ const OF_ITEMS: &[(&str, &str)] = &[
     ),
     (
         "actuate",
-        "`actuate u along x_dot;` is a force whose power is `u*x_dot`, with a value that follows from a \
-         Lyapunov function;",
+        "`actuate u along x_dot;` is a force with the power `u*x_dot`, along any combination of velocities.",
     ),
     (
         "lyapunov",
-        "`lyapunov V = .. rate ..;` is a function of coordinates and velocities with the rate that it is to \
-         have along the motion.",
+        "`lyapunov V = .. rate ..;` says what `u` is: the force that gives the function `V` of coordinates, \
+         velocities, advected parameters, time and parameters this rate along the motion, or conserves it \
+         where no rate is given.",
     ),
     ("force", "An external force `F_a` paired with a velocity, vector or component: its power is `F . xi`."),
     ("moment", "`moment on B: M;` is `force along B_spin: M;`, a moment in the body's frame."),
