@@ -14,6 +14,7 @@ mod frame;
 mod implicit;
 mod labels;
 mod latex;
+mod lyapunov;
 mod noise;
 mod rates;
 mod sections;
@@ -64,6 +65,8 @@ pub enum SectionKind {
     Constraint,
     /// Virtual displacements that the model gives, and both forms of its equations.
     Displacements,
+    /// The function that an actuator gives its rate, with the force.
+    Lyapunov,
     /// What equations without accelerations say, where the Lagrangian is degenerate.
     Degeneracy,
     /// The equations of motion.
@@ -116,6 +119,7 @@ impl SectionKind {
             SectionKind::Kinematics => "Kinematics (anchor)",
             SectionKind::Constraint => "Constraint",
             SectionKind::Displacements => "Virtual displacements",
+            SectionKind::Lyapunov => "Lyapunov function",
             SectionKind::Degeneracy => "Degenerate Lagrangian",
             SectionKind::Equations => "Equations of motion",
             SectionKind::Routhian => "Routhian",
@@ -211,6 +215,7 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     page.constraint(&scene.equations);
     page.implied(model);
     page.displacements(model, &scene.equations);
+    page.lyapunov(&scene.equations);
     page.degeneracy(&scene.equations);
     page.equations(&scene.equations);
     page.routhian(&scene.equations);
@@ -574,6 +579,13 @@ impl Page {
             }
             KinematicConstraint::Multipliers { rows, .. } => {
                 self.begin(SectionKind::Constraint);
+                if let Some(own) = &system.feedback {
+                    let [force, function] =
+                        [&own.actuator, &own.function].map(|name| self.inline(&self.name(name)));
+                    let lambda = self.inline(&self.name(&format!("lambda_{}", own.function)));
+                    self.line(&format!("The force {force} = {lambda} gives {function} its rate: see below."));
+                    return;
+                }
                 for rows in rows.chunk_by(|a, b| a.text == b.text && a.mode == b.mode) {
                     let names: Vec<String> = rows.iter().map(|row| row.name.clone()).collect();
                     let mode = rows[0].mode.map(|mode| self.inline(&self.name(system.graph.name(mode))));

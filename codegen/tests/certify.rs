@@ -6,7 +6,7 @@ use hamel_codegen::scene::{self, Made, build_tampered};
 use hamel_codegen::spec::{self, Model, Origin};
 use hamel_expr::{ExprId, Graph, Rational};
 use hamel_mechanics::mechanics::Equations;
-use hamel_mechanics::reduction::{AccelerationRow, KinematicConstraint, ReducedSystem};
+use hamel_mechanics::reduction::{AccelerationRow, AccelerationSource, KinematicConstraint, ReducedSystem};
 use hamel_program::program::{Op, Operand, Program, Role};
 
 /// A heavy top with friction and a drive: bracket, advected parameter, force, explicit time, attitude.
@@ -281,6 +281,32 @@ const MODES: &str = "model falls {
     scene all { want rhs, energy, energy_rate, events, multipliers, constraint, momentum, jacobian, jvp, vjp; }
 }";
 
+/// A pendulum with a wheel: an actuator whose force gives a function its rate, with damping.
+const WHEEL: &str = "model wheel {
+    param I: vector(2) = [1, 0.2] where I1 > 0, I2 > 0;
+    param mgl = 3 where mgl > 0;
+    param a: vector(3) = [20, 2, 0.25];
+    param k = 0.5 where k > 0;
+    coordinate theta, phi in angle;
+    lagrangian = I1*theta_dot^2/2 + I2*(theta_dot + phi_dot)^2/2 - mgl*cos(theta);
+    actuate u along phi_dot;
+    let d = I2*a2 - (I1 + I2)*a3;
+    let T = a1*theta_dot^2/2 + a2*theta_dot*phi_dot + a3*phi_dot^2/2;
+    lyapunov V = T + mgl*(a1*a3 - a2^2)/d*(1 - cos(theta)) rate -k*dV_du^2;
+    output power = u*phi_dot;
+    output half = dV_du/2;
+    scene all {
+        want rhs, energy, energy_rate, momentum, multipliers, outputs, jacobian, jvp, vjp, time_derivative, sensitivity,
+            output_jacobian;
+    }
+}";
+
+/// The remainder of the row that an actuator keeps.
+fn rest(row: &mut AccelerationRow) -> &mut ExprId {
+    let AccelerationSource::Servo(rest) = &mut row.source else { panic!("a row on accelerations") };
+    rest
+}
+
 /// Deliberate faults: in the system, in its equations, in the program.
 fn faults() -> Vec<Fault> {
     Vec::from(faults! {
@@ -529,6 +555,51 @@ fn faults() -> Vec<Fault> {
             flip(p, &map_of("quotient"), 5);
         "the sign of a velocity of a map" in REDUCED "all": Program(p) => flip(p, &map_of("quotient"), 0);
         "the sign of a momentum of a map" in REDUCED "carried": Program(p) => flip(p, &map_of("quotient"), 1);
+        "damping that a rate has and a force has not" in WHEEL "all": System(s) => {
+            let response = s.feedback.as_ref().expect("an actuator").response;
+            let (g, rows, _) = kept(s);
+            let none = std::collections::BTreeMap::from([(response, g.zero())]);
+            *rest(&mut rows[0]) = g.subs(*rest(&mut rows[0]), &none).expect("a value");
+        };
+        "damping for twice the damping" in WHEEL "all": System(s) => {
+            let response = s.feedback.as_ref().expect("an actuator").response;
+            let (g, rows, _) = kept(s);
+            let own = g.sym(response);
+            let twice = g.scale(own, &Rational::from_integer(2.into()));
+            let twice = std::collections::BTreeMap::from([(response, twice)]);
+            *rest(&mut rows[0]) = g.subs(*rest(&mut rows[0]), &twice).expect("a value");
+        };
+        "an actuator along twice its velocity" in WHEEL "all": System(s) => {
+            let (g, _, reactions) = kept(s);
+            reactions[0][1] = g.scale(reactions[0][1], &Rational::from_integer(2.into()));
+        };
+        "damping that drives" in WHEEL "all": System(s) => {
+            let response = s.feedback.as_ref().expect("an actuator").response;
+            let (g, rows, _) = kept(s);
+            let rest = rest(&mut rows[0]);
+            let none = std::collections::BTreeMap::from([(response, g.zero())]);
+            let free = g.subs(*rest, &none).expect("a value");
+            let twice = g.scale(free, &Rational::from_integer(2.into()));
+            *rest = g.sub(twice, *rest);
+        };
+        "a force with an offset" in WHEEL "all": System(s) => {
+            let response = s.feedback.as_ref().expect("an actuator").response;
+            let (g, rows, _) = kept(s);
+            let own = g.sym(response);
+            *rest(&mut rows[0]) = g.add(*rest(&mut rows[0]), own);
+        };
+        "twice a function at the rate of one" in WHEEL "all": System(s) => {
+            let (g, rows, _) = kept(s);
+            for e in rows[0].one_form.iter_mut() {
+                *e = g.scale(*e, &Rational::from_integer(2.into()));
+            }
+            *rest(&mut rows[0]) = g.scale(*rest(&mut rows[0]), &Rational::from_integer(2.into()));
+        };
+        "the sign of an entry of the Jacobian of a force" in WHEEL "all": Program(p) =>
+            flip(p, &values("output_jacobian"), 4);
+        "the sign of a Lyapunov function" in WHEEL "all": Program(p) => flip(p, &values("V"), 0);
+        "the sign of a force that is an output" in WHEEL "all": Program(p) => flip(p, &values("u"), 0);
+        "the power of a force that is an output" in WHEEL "all": Program(p) => flip(p, &values("power"), 0);
         "components of a map, exchanged" in REDUCED "all": Program(p) => swap(p, &map_of("quotient"), (3, 4));
         "the sign of a parameter of a map" in REDUCED "all": Program(p) =>
             flip(p, &map_of("quotient_parameters"), 3);
@@ -574,6 +645,7 @@ fn scenes_without_a_fault_are_held_to_their_definitions() {
         (MODES, "all"),
         (REDUCED, "all"),
         (REDUCED, "carried"),
+        (WHEEL, "all"),
     ] {
         let built = build_tampered(&model(text), scene, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
         let certificate = built.certificate();

@@ -31,6 +31,7 @@ mod limits;
 mod linkages;
 mod logarithm;
 mod loops;
+mod lyapunov;
 mod malformed;
 mod modes;
 mod named_frames;

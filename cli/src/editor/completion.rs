@@ -180,7 +180,8 @@ pub(crate) fn proposals(document: &Document, offset: usize, model: Option<&Model
         }
         Context::WantOfAll => found.add(Want::Digits.name(), CompletionItemKind::KEYWORD, "", ""),
         Context::Want => {
-            found.declared(document, |kind| matches!(kind, Kind::Casimir | Kind::Output | Kind::Section));
+            let of_scenes = [Kind::Casimir, Kind::Output, Kind::Section, Kind::Actuator, Kind::Lyapunov];
+            found.declared(document, |kind| of_scenes.contains(&kind));
             Want::ALL.iter().for_each(|want| found.add(want.name(), CompletionItemKind::KEYWORD, "", ""));
         }
         Context::FixedParameter => {

@@ -289,6 +289,17 @@ pub enum Error {
         /// A combination of multipliers.
         multipliers: String,
     },
+    /// A function to which no force gives its rate at every velocity: the matching condition fails.
+    NoMatching {
+        /// The function.
+        function: String,
+        /// The force.
+        force: String,
+        /// What would have to be zero, or why nothing is divided.
+        reason: String,
+        /// What to change.
+        help: &'static str,
+    },
     /// Virtual displacements depend on an acceleration that the constraints do not determine.
     UndeterminedAcceleration {
         /// The condition on displacements.
@@ -575,6 +586,10 @@ impl Error {
             Error::NoResponse { multipliers } => (
                 format!("the constraints do not determine {multipliers}: that reaction changes nothing that they restrict"),
                 "let the reaction act on what is restricted, with other `virtual` conditions; constraints must not depend on each other".into(),
+            ),
+            Error::NoMatching { function, force, reason, help } => (
+                format!("no force `{force}` gives `{function}` its rate at every velocity: {reason}"),
+                (*help).into(),
             ),
             Error::UndeterminedAcceleration { condition, acceleration } => (
                 format!("condition `{condition}` depends on `{acceleration}`, which the constraints do not determine"),

@@ -142,6 +142,13 @@ impl Fractions {
         self.write(g, &fraction).unwrap_or(e)
     }
 
+    /// The number as one quotient, whether anything cancels or not; the number itself where that is too long.
+    pub fn quotient(&mut self, g: &mut Graph, e: ExprId) -> ExprId {
+        let normal = self.normal(g, e);
+        let fraction = self.read.get(&e).cloned();
+        fraction.and_then(|fraction| self.write(g, &fraction)).unwrap_or(normal)
+    }
+
     fn atom(&mut self, e: ExprId) -> u32 {
         let next = u32::try_from(self.atoms.len()).expect("fewer than 2^32 atoms fit in memory");
         *self.atom_index.entry(e).or_insert_with(|| {

@@ -76,6 +76,8 @@ pub(super) struct Definition<'a> {
     /// The frame of stages.
     stage_frame: Option<Tape>,
     structure: Vec<StructureConstants>,
+    /// A function with the rate that an actuator gives it, and what it has from the force.
+    lyapunov: Option<(Tape, SymbolId)>,
 }
 
 /// All velocities at a point.
@@ -180,6 +182,7 @@ impl<'a> Definition<'a> {
                 .map(|_| system.connection.as_ref().map(|rows| of_system(rows))),
             stage_frame: system.frame.as_ref().map(|frame| of_system(&frame.matrix)),
             structure: structure.collect(),
+            lyapunov: model.lyapunov.as_ref().map(|own| (tape(&[own.value]), own.response)),
         }
     }
 
@@ -251,7 +254,40 @@ impl<'a> Definition<'a> {
         let group = self.group_velocities(&env, &of_system)?;
         let of_model = self.model_velocities(&env, &group)?;
         env.set_all(&self.velocities, &of_model);
+        if let Some((value, symbol)) = &self.lyapunov {
+            let response = self.response(value, &env)?;
+            env.set(*symbol, response);
+        }
         Ok(Place { env, of_system, group, of_model })
+    }
+
+    /// `dV/dy a` with the accelerations `a` that a unit of the force of the actuator gives, `L_yy a = f`.
+    fn response<R: Real>(&self, value: &Tape, env: &Env<R>) -> Result<R, Missing> {
+        let Energetic::Lagrangian(lagrangian) = &self.energetic else { return Ok(R::ZERO) };
+        let unit = |is_own: bool| if is_own { R::ONE } else { R::ZERO };
+        let mut form = self.displacements.eval(env)?.roots;
+        form.truncate(self.m);
+        let y: Vec<R> = self.velocities.iter().map(|s| env.get(*s).ok_or(*s)).collect::<Result<_, _>>()?;
+        let mut rows = Vec::new();
+        for (a, f) in form.into_iter().enumerate() {
+            let mut row = Vec::new();
+            for b in 0..self.m {
+                let mut twice = env.map(|x| Dual::constant(Dual::constant(x)));
+                for (k, (symbol, y)) in self.velocities.iter().zip(&y).enumerate() {
+                    let along = Dual::new(Dual::new(*y, unit(k == b)), Dual::constant(unit(k == a)));
+                    twice.set(*symbol, along);
+                }
+                row.push(lagrangian.eval(&twice)?.roots[0].derivative.derivative);
+            }
+            row.push(f);
+            rows.push(row);
+        }
+        let acceleration = Reduced::new(rows, self.m).solution(&vec![R::ZERO; self.m]);
+        let mut along = env.map(Dual::constant);
+        for (symbol, (y, a)) in self.velocities.iter().zip(y.iter().zip(acceleration)) {
+            along.set(*symbol, Dual::new(*y, a));
+        }
+        Ok(value.eval(&along)?.roots[0].derivative)
     }
 
     /// The symbols of the model with other velocities, by the velocities of the group.

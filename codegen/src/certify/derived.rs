@@ -11,6 +11,7 @@ use hamel_lang::spec::Want;
 use hamel_program::program::{Circles, Jet, Role};
 
 use super::claim::MatrixClaim;
+use super::lyapunov;
 use super::motion::{Motion, constants};
 use super::random::Random;
 use super::results::{Open, Results};
@@ -144,12 +145,13 @@ impl Results<'_, '_> {
             let changes: Vec<(SymbolId, Wide)> = unknowns.zip(v).collect();
             Some(self.centroid_by(want, &changes, random)?)
         } else if name(Want::OutputJacobian) {
-            let changes: Vec<(SymbolId, Wide)> = self.setting.state.iter().copied().zip(v).collect();
-            Some(self.slopes_of_outputs(&changes)?)
+            let changes: Vec<(SymbolId, Wide)> =
+                self.setting.state.iter().copied().zip(v.iter().copied()).collect();
+            Some(self.slopes_of_outputs(&changes, &Direction { state: v, ..self.still() })?)
         } else if name(Want::Feedthrough) {
             let inputs = self.setting.claim.equations.system.inputs.iter().map(|input| input.symbol);
-            let changes: Vec<(SymbolId, Wide)> = inputs.zip(v).collect();
-            Some(self.slopes_of_outputs(&changes)?)
+            let changes: Vec<(SymbolId, Wide)> = inputs.zip(v.iter().copied()).collect();
+            Some(self.slopes_of_outputs(&changes, &Direction { inputs: v, ..self.still() })?)
         } else {
             let values = match matrix.name {
                 "invariant_gradients" => Want::Invariants,
@@ -200,10 +202,20 @@ impl Results<'_, '_> {
     }
 
     /// Derivatives of the outputs of the model, as it defines them.
-    fn slopes_of_outputs(&self, changes: &[(SymbolId, Wide)]) -> Result<Vec<Wide>, Open> {
+    fn slopes_of_outputs(
+        &self,
+        changes: &[(SymbolId, Wide)],
+        direction: &Direction,
+    ) -> Result<Vec<Wide>, Open> {
         let model = self.setting.definition.model;
         let seeded = self.setting.seeded(&self.point.env, changes);
-        let place = self.setting.place(&seeded)?;
+        let mut place = self.setting.place(&seeded)?;
+        if let Some(own) = &model.lyapunov {
+            let slope = self.slope(&Role::Rate, direction).unwrap_or_default();
+            let force = lyapunov::force(self.setting, &seeded, &along(&self.motion.rates, &slope))?;
+            let symbol = model.multipliers.iter().find(|(name, _)| *name == own.name);
+            symbol.into_iter().for_each(|(_, symbol)| place.env.set(*symbol, force));
+        }
         let mut slopes = Vec::new();
         for name in &self.setting.claim.observed {
             let mut components = model.outputs.iter().flat_map(|o| &o.components);

@@ -27,6 +27,7 @@ mod group;
 mod impacts;
 mod implied;
 mod linear;
+mod lyapunov;
 mod modes;
 mod motion;
 mod noise;
@@ -137,7 +138,8 @@ fn compared(setting: &Setting<'_>, point: &Point, random: &mut Random) -> (Sheet
     match Motion::new(setting, point) {
         Err(missing) => open(motion::RATES, missing.into()),
         Ok(motion) => {
-            if let Err(missing) = motion.check(setting, &mut sheet, random) {
+            let checked = motion.check(setting, &mut sheet, random);
+            if let Err(missing) = checked.and_then(|()| lyapunov::check(&motion, setting, &mut sheet)) {
                 open(motion::RATES, missing.into());
             }
             if let Some(reason) = implied::check(setting, &mut sheet, random) {

@@ -375,6 +375,10 @@ fn item(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>)> {
             let name = &model.outputs[k].name;
             (format!("output `{name}`"), output_span(name))
         }
+        ExpressionRole::Lyapunov => {
+            let own = model.lyapunov.as_ref()?;
+            (format!("the Lyapunov function `{}`", own.name), own.span)
+        }
         ExpressionRole::Impact(k) => {
             let event = &model.events[k];
             (format!("the impact of event `{}`", event.name), event.span)

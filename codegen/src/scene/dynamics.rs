@@ -40,8 +40,16 @@ pub(super) fn find(g: &mut Graph, equations: &Equations, wanted: &BTreeSet<Want>
     let Some(first) = wanted.first() else { return Ok(found) };
     let Some((system, balance)) = equations.balanced_system() else {
         return Err(Error::Unsupported {
-            what: format!("{} of equations that are not solved for the rates of velocities", first.name()),
-            possible: "velocities of the model as state; remove `carry`".into(),
+            what: match &equations.system.feedback {
+                Some(own) => format!("{} beside the force `{}` of an actuator", first.name(), own.actuator),
+                None => {
+                    format!("{} of equations that are not solved for the rates of velocities", first.name())
+                }
+            },
+            possible: match &equations.system.feedback {
+                Some(own) => format!("the force `{}` as an input", own.actuator),
+                None => "velocities of the model as state; remove `carry`".into(),
+            },
         });
     };
     let names = &system.unknowns;

@@ -51,8 +51,16 @@ pub(super) fn find(
     let Some(first) = wanted.iter().find(beyond_outputs) else { return Ok(found) };
     if equations.balanced_system().is_none() {
         return Err(Error::Unsupported {
-            what: format!("{} of equations that are not solved for the rates of velocities", first.name()),
-            possible: "velocities of the model as state; remove `carry`".into(),
+            what: match &equations.system.feedback {
+                Some(own) => format!("{} beside the force `{}` of an actuator", first.name(), own.actuator),
+                None => {
+                    format!("{} of equations that are not solved for the rates of velocities", first.name())
+                }
+            },
+            possible: match &equations.system.feedback {
+                Some(own) => format!("the force `{}` as an input", own.actuator),
+                None => "velocities of the model as state; remove `carry`".into(),
+            },
         });
     }
     let writer = SectionWriter::new(g, BTreeSet::new(), &[]);

@@ -57,6 +57,12 @@ pub(super) struct Found {
 /// # Errors
 /// As [`implicit_form`]; [`Error::Unsupported`] where a component of the state is no variable of it.
 pub(super) fn find(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> Result<Found, Error> {
+    if let Some(own) = &equations.system.feedback {
+        return Err(Error::Unsupported {
+            what: format!("the implicit form beside the force `{}` of an actuator", own.actuator),
+            possible: "`rhs`, where the factor of the force is divided out".into(),
+        });
+    }
     let form = implicit_form(g, equations, state)?;
     let places = (0..state.len()).map(|k| {
         let place = form.variables.iter().position(|v| v.state == Some(k));

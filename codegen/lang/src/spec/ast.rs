@@ -400,6 +400,17 @@ pub(super) enum ItemKind {
         on: Expr,
         value: Expr,
     },
+    /// `actuate u along x_dot;`
+    Actuate {
+        name: Name,
+        along: Expr,
+    },
+    /// `lyapunov V = function rate -k*dV_du^2;`
+    Lyapunov {
+        name: Name,
+        function: Expr,
+        rate: Option<Expr>,
+    },
     Casimir {
         name: Name,
         value: Expr,

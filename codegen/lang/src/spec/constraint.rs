@@ -88,6 +88,26 @@ pub struct CarriedAcceleration {
     pub doc: String,
 }
 
+/// A function `V(x, y, t)` with the rate that it has along the motion, which the force of an actuator gives it.
+///
+/// It is the [constraint](Constraint) of its name on accelerations, and the actuator the
+/// [condition](VirtualConstraint) of its name on virtual displacements.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lyapunov {
+    /// Its name.
+    pub name: String,
+    /// `V`.
+    pub value: ExprId,
+    /// `dV/dt`, in which [`response`](Lyapunov::response) may be.
+    pub rate: ExprId,
+    /// What stands for `d(dV/dt)/du`, with `u` the force of the actuator.
+    pub response: SymbolId,
+    /// The name of the actuator.
+    pub actuator: String,
+    /// Where it stands.
+    pub span: Option<Span>,
+}
+
 /// A scalar condition `f(x, y, ydot, t) . delta y = 0` on virtual displacements;
 /// [`accelerations`](super::Model::accelerations) stand for `ydot`.
 #[derive(Clone, Debug, PartialEq)]

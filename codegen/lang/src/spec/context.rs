@@ -195,7 +195,8 @@ fn of_item(statement: &[&str]) -> Context {
         "param" | "input" | "coordinate" | "velocity" | "momentum" | "representation" | "advected"
         | "configuration" | "state" | "reconstruct" | "algebra" | "almost" | "quasi_velocity" | "scene"
         | "source" | "topic" | "multipliers" | "reduces" | "use" => Context::Anything,
-        "let" | "casimir" | "output" | "event" | "view" | "stage" | "section" if !has("=") => {
+        "actuate" if !has("along") => Context::Anything,
+        "let" | "casimir" | "output" | "lyapunov" | "event" | "view" | "stage" | "section" if !has("=") => {
             Context::Anything
         }
         _ => Context::Expression,

@@ -55,6 +55,8 @@ pub enum ExpressionRole {
     Casimir(usize),
     /// A component of an output.
     Output(usize),
+    /// A Lyapunov function, and its rate.
+    Lyapunov,
     /// What an impact has of a mode: whether its constraints are there, and how much of a velocity comes back.
     Impact(usize),
     /// A coefficient of a section along which a momentum is wanted.
@@ -119,6 +121,7 @@ macro_rules! visit {
             sections,
             modes,
             multipliers: _,
+            lyapunov,
             events,
             configurations: _,
             reconstruction,
@@ -291,6 +294,10 @@ macro_rules! visit {
             for (_, e) in components {
                 $visit(ExpressionRole::Output(k), e);
             }
+        }
+        if let Some(Lyapunov { name: _, value, rate, response: _, actuator: _, span: _ }) = lyapunov {
+            $visit(ExpressionRole::Lyapunov, value);
+            $visit(ExpressionRole::Lyapunov, rate);
         }
         for (k, event) in events.into_iter().enumerate() {
             let Event { name: _, direction: _, mode: _, sets: _, impact, stops: _, doc: _, span: _ } = event;

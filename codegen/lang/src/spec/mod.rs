@@ -65,7 +65,7 @@ pub use builder::{ModelBuilder, Placement};
 pub use compose::compose;
 pub use configuration::Configuration;
 pub use constraint::{
-    CarriedAcceleration, Constraint, ConstraintKind, Implied, PositionEquation, VirtualConstraint,
+    CarriedAcceleration, Constraint, ConstraintKind, Implied, Lyapunov, PositionEquation, VirtualConstraint,
 };
 pub use context::Context;
 pub use decisive::{Made, decisive};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 pub(super) use super::configuration::Configuration;
 pub(super) use super::constraint::{
-    CarriedAcceleration, Constraint, ConstraintKind, Implied, PositionEquation, VirtualConstraint,
+    CarriedAcceleration, Constraint, ConstraintKind, Implied, Lyapunov, PositionEquation, VirtualConstraint,
 };
 use super::diagnostic::{Diagnostic, Diagnostics, Help, Origin, Span};
 use super::event::{Event, OutputPart};
@@ -50,8 +50,7 @@ pub struct Noise {
     pub name: String,
     /// Its symbol, that of one of [`Model::inputs`].
     pub symbol: SymbolId,
-    /// The function `h(x, p, a, t)` that it multiplies, and where that stands. A noise that the model mentions has no
-    /// such function.
+    /// The function `h(x, p, a, t)` that it multiplies, and where it stands; a noise that the model mentions has none.
     pub hamiltonian: Option<(ExprId, Option<Span>)>,
     /// Where it is declared.
     pub span: Option<Span>,
@@ -560,6 +559,8 @@ pub struct Model {
     pub modes: Vec<Mode>,
     /// Symbols that stand for multipliers in functions of events, by the names of constraints.
     pub multipliers: Vec<(String, SymbolId)>,
+    /// A function with the rate that an actuator gives it.
+    pub lyapunov: Option<Lyapunov>,
     /// Events.
     pub events: Vec<Event>,
     /// Sections along which momenta are wanted.
@@ -637,7 +638,7 @@ impl Model {
                 .find(|(text, _)| equations.contains(text))
                 .and_then(|(_, span)| span),
             Error::NoResponse { .. } => self.constraints.first().and_then(|c| c.span),
-            Error::NotSolvable { .. } | Error::WrongNumberOfIndependent { .. } => {
+            Error::NotSolvable { .. } | Error::WrongNumberOfIndependent { .. } | Error::NoMatching { .. } => {
                 self.places.independent.or(self.constraints.first().and_then(|c| c.span))
             }
             Error::UndeterminedAcceleration { condition, .. } => {

@@ -47,6 +47,8 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("virtual", "virtual delta(v1) + delta(v2) = 0;` or `virtual thermo;"),
     ("independent", "independent Omega, x_dot;"),
     ("multipliers", "multipliers;"),
+    ("actuate", "actuate u along x_dot;"),
+    ("lyapunov", "lyapunov V = x_dot^2/2 + x^2/2 rate -k*dV_du^2;"),
     ("force", "force Omega = -c*Omega;` or `force at p: F;"),
     ("moment", "moment on B: M;"),
     ("body", "body B { mass m; place p; inertia I; attitude R; }"),

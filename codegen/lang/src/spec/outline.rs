@@ -38,6 +38,8 @@ pub enum DeclarationKind {
     Casimir,
     Output,
     Section,
+    Actuator,
+    Lyapunov,
     Event,
     Mode,
     Body,
@@ -71,6 +73,8 @@ impl DeclarationKind {
             DeclarationKind::Casimir => "casimir",
             DeclarationKind::Output => "output",
             DeclarationKind::Section => "section",
+            DeclarationKind::Actuator => "actuator",
+            DeclarationKind::Lyapunov => "Lyapunov function",
             DeclarationKind::Event => "event",
             DeclarationKind::Mode => "mode",
             DeclarationKind::Body => "body",
@@ -89,8 +93,9 @@ impl DeclarationKind {
 
     /// Whether expressions of the model may mention it.
     pub fn is_value(self) -> bool {
-        use DeclarationKind::{Definition, Index, Input, Parameter, Size};
-        self.is_of_state() || matches!(self, Parameter | Input | Definition | Size | Index)
+        use DeclarationKind::{Actuator, Definition, Index, Input, Lyapunov, Parameter, Size};
+        self.is_of_state()
+            || matches!(self, Parameter | Input | Definition | Size | Index | Actuator | Lyapunov)
     }
 
     /// Names of algebras are a space of names of their own, as are those of what a scene may want; these are others.
@@ -424,6 +429,13 @@ fn resolve<'d>(
     if of_body.is_some() {
         return of_body;
     }
+    // `dV_du` stands for its function.
+    let function = word.strip_prefix('d').and_then(|rest| rest.rfind("_d").map(|end| &rest[..end]));
+    if let Some(function) = function
+        && let Some(k) = find(function).filter(|k| declaration(*k).kind == DeclarationKind::Lyapunov)
+    {
+        return Some((k, 1..1 + function.len()));
+    }
     let momentum = word.strip_prefix("dh_d")?;
     let at = word.len() - momentum.len();
     let found = find(momentum).map(|k| (k, momentum.len())).or_else(|| component(momentum));
@@ -495,6 +507,8 @@ fn declared(item: &Item) -> Vec<Declared<'_>> {
             name.iter().map(|name| one(DeclarationKind::Constraint, name, false)).collect()
         }
         ItemKind::Casimir { name, .. } => vec![one(DeclarationKind::Casimir, name, false)],
+        ItemKind::Actuate { name, .. } => vec![one(DeclarationKind::Actuator, name, false)],
+        ItemKind::Lyapunov { name, .. } => vec![one(DeclarationKind::Lyapunov, name, false)],
         ItemKind::Output { name, .. } => vec![one(DeclarationKind::Output, name, true)],
         ItemKind::Section { name, .. } => vec![one(DeclarationKind::Section, name, false)],
         ItemKind::Body(body) => vec![one(DeclarationKind::Body, &body.name, true)],

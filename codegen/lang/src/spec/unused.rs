@@ -191,6 +191,8 @@ fn effective(item: &Item) -> Vec<String> {
             mentions([left, right])
         }
         ItemKind::AppliedForce { on, value, .. } => mentions([on, value]),
+        ItemKind::Actuate { along, .. } => mentions([along]),
+        ItemKind::Lyapunov { function, rate, .. } => mentions(std::iter::once(function).chain(rate)),
         ItemKind::Frame(velocities) => mentions(velocities.iter().map(|v| &v.value)),
         ItemKind::Algebroid(AlgebroidBlock { anchors, rules, .. }) => {
             mentions(anchors.iter().map(|(_, value)| value).chain(rules.iter().map(|rule| &rule.value)))

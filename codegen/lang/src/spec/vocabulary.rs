@@ -179,6 +179,16 @@ const OF_ITEMS: &[(&str, &str)] = &[
         "`multipliers` keeps all velocities and solves for the multipliers, which is also what happens \
          when no constant choice of independent velocities exists.",
     ),
+    (
+        "actuate",
+        "`actuate u along x_dot;` is a force with the power `u*x_dot`, along any combination of velocities.",
+    ),
+    (
+        "lyapunov",
+        "`lyapunov V = .. rate ..;` says what `u` is: the force that gives the function `V` of coordinates, \
+         velocities, advected parameters, time and parameters this rate along the motion, or conserves it \
+         where no rate is given.",
+    ),
     ("force", "An external force `F_a` paired with a velocity, vector or component: its power is `F . xi`."),
     ("moment", "`moment on B: M;` is `force along B_spin: M;`, a moment in the body's frame."),
     (
@@ -285,7 +295,7 @@ const PARTS: &[(&str, &str, &str)] = &[
     ("relative", "relative Omega", "The velocities that move the frame of a configuration follow."),
     ("where", "where m > 0", "Conditions on the parameter, checked where parameters are given."),
     ("thermo", "virtual thermo;", "Displacements of constraints that are balances of powers."),
-    ("along", "force along u: F;", "The velocity that the force is paired with follows."),
+    ("along", "force along u: F;", "The velocity that the force or the actuator is paired with follows."),
     ("mass", "mass m;", "The mass of the body."),
     ("place", "place p;", "Where the mass centre of the body is."),
     ("inertia", "inertia I;", "The inertia about the mass centre, in the body's frame."),

@@ -168,6 +168,8 @@ pub(super) struct Derivation<'a> {
     pub(super) way: Velocities,
     /// Empty for a Hamiltonian, and for a motion that is given.
     pub(super) forces: Forces,
+    /// The value of [`Feedback::response`](crate::reduction::Feedback::response).
+    pub(super) response: Option<ExprId>,
 }
 
 impl<'a> Derivation<'a> {
@@ -244,6 +246,7 @@ impl<'a> Derivation<'a> {
             transform: None,
             way: Velocities::Solved,
             forces: Forces::default(),
+            response: None,
         }
     }
 

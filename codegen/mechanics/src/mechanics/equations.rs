@@ -84,6 +84,8 @@ pub struct Facts {
     pub casimirs: Vec<String>,
     /// In the multiplier form: Casimirs that are conserved where the constraints hold, verified.
     pub casimirs_on_constraint: Vec<String>,
+    /// Whether a Lyapunov function is seen not to increase, where there is one.
+    pub decrease: Option<Decrease>,
     /// Entropies that `virtual thermo` gives, and their sum where there are several.
     pub entropies: Vec<Production>,
     /// Whether the frame's bracket is that of an almost algebra or almost algebroid, of which the Jacobi identity is
@@ -100,6 +102,17 @@ impl Facts {
     pub fn conserves_energy(&self) -> bool {
         self.energy_is_conserved || self.energy_is_conserved_on_constraint
     }
+}
+
+/// Whether a Lyapunov function is seen not to increase.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Decrease {
+    /// Its rate is zero.
+    Conserved,
+    /// Its rate is never positive.
+    Proved,
+    /// Nothing is seen of the sign of its rate.
+    Unseen,
 }
 
 /// Whether an entropy, or a sum of entropies, is seen to grow.

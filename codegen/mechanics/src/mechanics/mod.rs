@@ -20,6 +20,7 @@ mod displacements;
 mod entropies;
 mod equations;
 mod equivalence;
+mod feedback;
 mod gauge;
 mod gauss;
 mod given;
@@ -67,8 +68,8 @@ pub use dirac::DiracStructure;
 pub use discrete::{DiscreteEquations, DiscreteSetting, DiscreteUnknown, discrete_equations, row_name};
 pub use displacements::{BothEquations, DisplacementForms};
 pub use equations::{
-    Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, Production, SectionMomentum,
-    StateEquation,
+    Decrease, Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, Production,
+    SectionMomentum, StateEquation,
 };
 pub use equivalence::{ChangeOfState, Unrelated, same_motion};
 pub use gauge::{ConservedMomenta, ConservedMomentum};

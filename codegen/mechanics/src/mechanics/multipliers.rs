@@ -15,6 +15,7 @@ use super::balance::Kept;
 use super::constrained::inertias;
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
+use super::feedback::RateOfFunction;
 use super::solve::{Factorisation, Pivot};
 
 impl Derivation<'_> {
@@ -51,6 +52,20 @@ impl Derivation<'_> {
         for (c, form) in reactions.iter().enumerate() {
             let labels = prefixed(&format!("Z{}", c + 1));
             response.push(factors.solve(&mut self.g, &mut self.writer, &labels, form));
+        }
+        if let (Some(feedback), [row], [column]) =
+            (&self.system.feedback, rows.as_slice(), response.as_slice())
+        {
+            let AccelerationSource::Servo(rest) = row.source else {
+                return Err(Error::Unsupported {
+                    what: "a Lyapunov function whose row is no condition on accelerations".into(),
+                    possible: "a function of coordinates and velocities".into(),
+                });
+            };
+            let of_rate = RateOfFunction { slope: &row.one_form, rest, response: column, free: &free };
+            let (force, pivot) = self.force_of_actuator(feedback, &of_rate)?;
+            let reactions = reactions.clone();
+            return self.motion_with_force((&factors, hessian), (&free, column), reactions, (force, pivot));
         }
         self.writer.begin("multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T");
         let mut matrix = Vec::new();
@@ -119,6 +134,40 @@ impl Derivation<'_> {
             pivots,
             momentum_rates: Vec::new(),
             after,
+        })
+    }
+
+    /// The motion at the force of an actuator, `ydot = L_yy^-1 (r + f u)`.
+    ///
+    /// Nothing says how its accelerations are differentiated but their definitions: what a function has from the force
+    /// vanishes at rest, where the force does not.
+    fn motion_with_force(
+        &mut self,
+        (factors, hessian): (&Factorisation, Vec<Vec<ExprId>>),
+        (free, column): (&[ExprId], &[ExprId]),
+        reactions: Vec<Vec<ExprId>>,
+        (force, pivot): ((String, ExprId), Option<Pivot>),
+    ) -> Result<Motion, Error> {
+        let names = self.names.clone();
+        self.writer.begin("accelerations ydot = L_yy^-1 (r + f u)");
+        let mut acceleration = Vec::new();
+        for (name, (free, z)) in names.iter().zip(free.iter().zip(column)) {
+            let along = self.g.mul(*z, force.1);
+            let sum = self.g.add(*free, along);
+            acceleration.push(self.define(&format!("dot_{name}"), sum));
+        }
+        let mut pivots = factors.pivots(&inertias(&names), true);
+        pivots.extend(pivot);
+        let drive = self.forces.drive.clone();
+        Ok(Motion {
+            unknown_rates: acceleration.clone(),
+            acceleration,
+            multipliers: vec![force],
+            reactions,
+            system: Some(LinearSystem { mass_matrix: hessian, force: drive, unknowns: names, balance: None }),
+            pivots,
+            momentum_rates: Vec::new(),
+            after: Vec::new(),
         })
     }
 

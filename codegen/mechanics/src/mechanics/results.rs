@@ -369,6 +369,7 @@ impl Derivation<'_> {
             outputs.extend(self.momentum_equation(solved)?);
         }
         facts.entropies = productions(system);
+        facts.decrease = system.feedback.as_ref().map(|own| self.decrease(own));
         // Claims that do not hold at every state, each with its error unless it holds on the constraint.
         let mut claims = Vec::new();
         if !system.casimirs.is_empty() {
@@ -390,6 +391,7 @@ impl Derivation<'_> {
             let own = motion.multipliers.iter().find(|(own, _)| *own == label);
             solved.extend(own.map(|(_, lambda)| (*symbol, *lambda)));
         }
+        solved.extend(system.feedback.iter().zip(self.response).map(|(own, value)| (own.response, value)));
         for output in &system.outputs {
             let kind = match output.part {
                 OutputPart::Own => OutputKind::OfModel,
@@ -452,7 +454,7 @@ impl Derivation<'_> {
         let of_frame = system.pivots.iter().map(|(name, expr)| Pivot::of_coefficients(name, *expr));
         let pivots: Vec<Pivot> = motion.pivots.into_iter().chain(of_frame).collect();
         let pivots = pivots.into_iter().filter(|p| self.g.as_rational(p.expr).is_none()).collect();
-        let system = ReducedSystem { graph: std::mem::take(&mut self.g), ..self.system.clone() };
+        let system = self.system_with_response()?;
         let (sections, varying) = std::mem::take(&mut self.writer).finish();
         let mut equations = Equations {
             system,

@@ -21,7 +21,7 @@ use super::momenta::{self, CarriedMomentum};
 use super::noise;
 use super::reconstruction;
 use super::stages::Stages;
-use super::system::{Block, BlockKind, OwnRate, PositionResidual, ReducedSystem, StateKind};
+use super::system::{Block, BlockKind, Feedback, OwnRate, PositionResidual, ReducedSystem, StateKind};
 
 /// A model that says everything itself on its Lie algebroid: no connection is left to derive.
 ///
@@ -148,6 +148,11 @@ pub(super) fn on_algebroid(
     if let Err(exhausted) = model.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
     }
+    let feedback = model.lyapunov.take().map(|own| {
+        let spec::Lyapunov { name: function, rate, response, actuator, value: _, span: _ } = own;
+        let slope = model.graph.sym(response);
+        Feedback { function, actuator, response, slope, rate }
+    });
     let noises = noise::taken(&model).map(|noise| noise.symbol).collect();
     Ok(ReducedSystem {
         formulation: formulation.clone(),
@@ -183,6 +188,7 @@ pub(super) fn on_algebroid(
         outputs: model.outputs,
         events: model.events,
         multipliers: model.multipliers,
+        feedback,
         sections: model.sections,
         reconstruction,
         momenta_in_space,

@@ -382,6 +382,7 @@ fn place_of(model: &Model, system: &Places, part: Part) -> (String, Option<Span>
             let name = &system.outputs[k];
             (format!("output `{name}`"), output_span(name))
         }
+        Part::Feedback => ("the rate of the Lyapunov function".into(), first),
         Part::Section(k) => {
             let name = &system.sections[k];
             (format!("section `{name}`"), output_span(name))

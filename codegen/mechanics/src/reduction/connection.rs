@@ -405,7 +405,8 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
             | ExpressionRole::VirtualConstraint(_)
             | ExpressionRole::Reconstruction(_)
             | ExpressionRole::Casimir(_)
-            | ExpressionRole::Output(_) => true,
+            | ExpressionRole::Output(_)
+            | ExpressionRole::Lyapunov => true,
             // Linear in a velocity that stands for any element of the algebra.
             ExpressionRole::AdvectedAction(_) => false,
             ExpressionRole::Hamiltonian

@@ -50,7 +50,7 @@ pub use momenta::{CarriedMomentum, Hamiltonian};
 pub use part::Part;
 pub use reconstruction::ReconstructedCoordinate;
 pub use stages::{StageLevel, Stages, Tensor, VerticalKind, VerticalPart};
-pub use system::{Block, BlockKind, Circle, OwnRate, PositionResidual, ReducedSystem, StateKind};
+pub use system::{Block, BlockKind, Circle, Feedback, OwnRate, PositionResidual, ReducedSystem, StateKind};
 
 /// Reduces a model in the formulation that is asked for.
 ///

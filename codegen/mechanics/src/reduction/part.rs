@@ -40,6 +40,8 @@ pub enum Part {
     Casimir(usize),
     /// A component of an output, by the output's place.
     Output(usize),
+    /// The rate of a function that an actuator gives it.
+    Feedback,
     /// A coefficient of a section along which a momentum is wanted, by the section's place.
     Section(usize),
     /// The rate of a coordinate of the group, by its place.

@@ -112,6 +112,21 @@ pub struct Circle {
     pub sine: SymbolId,
 }
 
+/// A function that the force of an actuator gives its rate, in a row of the constraint of its own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Feedback {
+    /// Its name, which is that of the row.
+    pub function: String,
+    /// The name of the actuator.
+    pub actuator: String,
+    /// Stands for `d(dV/dt)/du` in the row and in outputs; after the derivation they have its value.
+    pub response: SymbolId,
+    /// `d(dV/dt)/du`: the symbol, and after the derivation its value.
+    pub slope: ExprId,
+    /// `dV/dt`.
+    pub rate: ExprId,
+}
+
 /// A system on a Lie algebroid: everything the derivation needs and nothing about where it came from.
 ///
 /// # Shapes
@@ -185,6 +200,8 @@ pub struct ReducedSystem {
     pub events: Vec<Event>,
     /// Symbols that stand for multipliers in outputs, by the names of constraints.
     pub multipliers: Vec<(String, SymbolId)>,
+    /// A function with a rate that an actuator gives it.
+    pub feedback: Option<Feedback>,
     /// Sections along which momenta are wanted, by the sections of the frame.
     pub sections: Vec<VelocitySection>,
     /// Coordinates of the group, which only scenes that ask for them carry.
@@ -287,6 +304,7 @@ impl ReducedSystem {
             outputs,
             events: _,
             multipliers: _,
+            feedback,
             sections,
             reconstruction,
             momenta_in_space,
@@ -323,6 +341,8 @@ impl ReducedSystem {
         for (k, output) in outputs.iter_mut().enumerate() {
             list.extend(output.components.iter_mut().map(|(_, e)| (Part::Output(k), e)));
         }
+        let feedback = feedback.iter_mut().flat_map(|own| [&mut own.rate, &mut own.slope]);
+        list.extend(feedback.map(|e| (Part::Feedback, e)));
         for (k, section) in sections.iter_mut().enumerate() {
             list.extend(section.coefficients.iter_mut().map(|e| (Part::Section(k), e)));
         }

@@ -5,7 +5,7 @@ use hamel_codegen::spec::{Want, Wanted, matrix_fluid, parse};
 
 const DOC: &str = include_str!("../../../../docs/model-language.md");
 /// Pages with models, and how many they have at least.
-const PAGES: [(&str, &str, usize); 11] = [
+const PAGES: [(&str, &str, usize); 12] = [
     ("model-language.md", DOC, 17),
     ("tour.md", include_str!("../../../../docs/book/tour.md"), 7),
     ("stages.md", include_str!("../../../../docs/book/stages.md"), 1),
@@ -15,6 +15,7 @@ const PAGES: [(&str, &str, usize); 11] = [
     ("fluids.md", include_str!("../../../../docs/book/fluids.md"), 5),
     ("controls.md", include_str!("../../../../docs/book/controls.md"), 1),
     ("parts.md", include_str!("../../../../docs/book/parts.md"), 2),
+    ("lyapunov.md", include_str!("../../../../docs/book/lyapunov.md"), 4),
     ("noise.md", include_str!("../../../../docs/book/noise.md"), 1),
     ("scenes.md", include_str!("../../../../docs/book/scenes.md"), 1),
 ];

@@ -47,8 +47,10 @@ impl ModelBuilder {
         let advected = self.check_advected();
         let first_order = self.check_first_order();
         let connection = self.check_connection();
-        let constraints = self.check_constraints(&advected, connection.as_deref(), lagrangian);
-        let virtual_constraints = self.check_virtual_constraints(&constraints);
+        let mut constraints = self.check_constraints(&advected, connection.as_deref(), lagrangian);
+        let mut virtual_constraints = self.check_virtual_constraints(&constraints);
+        let both = (&mut constraints, &mut virtual_constraints);
+        let lyapunov = self.check_lyapunov(&advected, connection.as_deref(), lagrangian, both);
         let independent = self.check_independent(&constraints);
         let accelerations = self.used_accelerations(&constraints, &virtual_constraints);
         let forces = self.check_forces();
@@ -139,6 +141,7 @@ impl ModelBuilder {
             force_multipliers: self.multipliers.is_some(),
             modes: self.modes,
             multipliers: self.multiplier_symbols,
+            lyapunov,
             forces,
             casimirs: self.casimirs,
             outputs: self.outputs,

@@ -204,7 +204,7 @@ impl ModelBuilder {
     }
 
     /// `dL/dv` by the names that momenta have; nothing beside a Hamiltonian.
-    fn momenta_of(&mut self, lagrangian: ExprId) -> BTreeMap<SymbolId, ExprId> {
+    pub(super) fn momenta_of(&mut self, lagrangian: ExprId) -> BTreeMap<SymbolId, ExprId> {
         if self.lagrangian.is_none() {
             return BTreeMap::new();
         }
@@ -216,7 +216,7 @@ impl ModelBuilder {
     }
 
     /// An expression with momenta by velocities.
-    fn in_velocities(&mut self, e: ExprId, momenta: &BTreeMap<SymbolId, ExprId>) -> ExprId {
+    pub(super) fn in_velocities(&mut self, e: ExprId, momenta: &BTreeMap<SymbolId, ExprId>) -> ExprId {
         let free = self.graph.free_symbols(e);
         if !free.iter().any(|s| momenta.contains_key(s)) {
             return e;

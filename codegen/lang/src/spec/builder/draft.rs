@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::event_drafts::EventDraft;
 pub(super) use super::event_drafts::Located;
+use super::feedback_drafts::FeedbackDraft;
 use crate::algebra::LieAlgebra;
 use crate::spec::diagnostic::{Diagnostic, Help, Span};
 use crate::spec::group::Group;
@@ -47,6 +48,8 @@ pub(in crate::spec) enum DeclaredAs {
     Size,
     Mode,
     Multiplier,
+    Actuator,
+    Response,
 }
 
 impl DeclaredAs {
@@ -74,6 +77,8 @@ impl DeclaredAs {
             DeclaredAs::Size => "a size",
             DeclaredAs::Mode => "a mode",
             DeclaredAs::Multiplier => "the multiplier of a constraint",
+            DeclaredAs::Actuator => "the force of an actuator",
+            DeclaredAs::Response => "what a function has from the force of an actuator",
             DeclaredAs::Section => "a basis element of the algebroid",
             DeclaredAs::CarriedAcceleration => "the acceleration along a constraint of third order",
         }
@@ -457,6 +462,7 @@ pub struct ModelBuilder {
     pub(super) current_mode: Option<usize>,
     /// Symbols of multipliers, by the names of constraints.
     pub(super) multiplier_symbols: Vec<(String, SymbolId)>,
+    pub(super) feedback: FeedbackDraft,
     pub(super) events: Vec<EventDraft>,
     pub(super) reconstructions: Vec<ReconstructionDraft>,
     pub(super) initial: Vec<(String, Value, Option<Span>)>,
@@ -548,6 +554,7 @@ impl ModelBuilder {
             modes: Vec::new(),
             current_mode: None,
             multiplier_symbols: Vec::new(),
+            feedback: FeedbackDraft::default(),
             events: Vec::new(),
             reconstructions: Vec::new(),
             initial: Vec::new(),

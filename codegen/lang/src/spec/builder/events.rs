@@ -16,7 +16,8 @@ use crate::spec::want::Want;
 use hamel_expr::{ExprId, SymbolId};
 
 /// What functions of events, and what they set, may mention besides state, time and parameters.
-const ALLOWED: &[Special] = &[Special::QuasiVelocity, Special::Momentum, Special::Multiplier];
+const ALLOWED: &[Special] =
+    &[Special::QuasiVelocity, Special::Momentum, Special::Multiplier, Special::Feedback];
 
 impl ModelBuilder {
     /// An event: a change of sign of `function` in a direction, where everything in `sets`, named as it is declared,
@@ -238,5 +239,7 @@ fn is_of_state(what: DeclaredAs) -> bool {
             | DeclaredAs::Levels
             | DeclaredAs::Mode
             | DeclaredAs::Multiplier
+            | DeclaredAs::Actuator
+            | DeclaredAs::Response
     )
 }

@@ -165,6 +165,7 @@ fn of_geometry(model: &Model, role: ExpressionRole) -> Option<(String, Option<Sp
         | ExpressionRole::Reconstruction(_)
         | ExpressionRole::Casimir(_)
         | ExpressionRole::Output(_)
+        | ExpressionRole::Lyapunov
         | ExpressionRole::Impact(_)
         | ExpressionRole::DomainEnd(_)
         | ExpressionRole::Condition(_)

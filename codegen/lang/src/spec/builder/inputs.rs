@@ -241,6 +241,7 @@ fn refused(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>,
         | ExpressionRole::FirstOrderRate(_)
         | ExpressionRole::Given(_)
         | ExpressionRole::Output(_)
+        | ExpressionRole::Lyapunov
         | ExpressionRole::Impact(_)
         | ExpressionRole::Reconstruction(_) => return None,
         ExpressionRole::ConstraintResidual(k) => match model.constraints[k].kind {

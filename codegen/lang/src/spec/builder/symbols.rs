@@ -22,6 +22,7 @@ pub(super) enum Special {
     Acceleration,
     Jerk,
     Multiplier,
+    Feedback,
 }
 
 impl ModelBuilder {
@@ -143,7 +144,8 @@ impl ModelBuilder {
             && self.reconstructions.is_empty()
             && self.displacements.is_empty()
             && self.accelerations.is_empty()
-            && self.multiplier_symbols.is_empty();
+            && self.multiplier_symbols.is_empty()
+            && !self.has_feedback();
         if none {
             return false;
         }
@@ -172,6 +174,10 @@ impl ModelBuilder {
                 Some((Special::Acceleration, "the acceleration", "accelerations belong in `constraint`"))
             } else if self.jerks.values().any(|d| d == s) {
                 Some((Special::Jerk, "the rate of an acceleration", "it belongs in `constraint`"))
+            } else if self.of_feedback(*s) {
+                let help = "forces of actuators and what a Lyapunov function has from them belong in outputs, \
+                            events and the rate of the function";
+                Some((Special::Feedback, "the force or response", help))
             } else if self.multiplier_symbols.iter().any(|(_, own)| own == s) {
                 Some((Special::Multiplier, "the multiplier", "multipliers belong in functions of events"))
             } else {
@@ -189,18 +195,17 @@ impl ModelBuilder {
     }
 
     pub(super) fn check_named_values(&mut self) {
-        let casimirs = self.casimirs.iter().map(|c| (c.name.clone(), c.expr));
-        let outputs =
-            self.outputs.iter().flat_map(|o| o.components.iter().map(|(_, e)| (o.name.clone(), *e)));
-        let values: Vec<(String, ExprId)> = casimirs.chain(outputs).collect();
-        for (name, e) in values {
+        const OF_CASIMIR: &[Special] = &[Special::QuasiVelocity, Special::Momentum];
+        const OF_OUTPUT: &[Special] = &[Special::QuasiVelocity, Special::Momentum, Special::Feedback];
+        let casimirs = self.casimirs.iter().map(|c| (c.name.clone(), c.expr, OF_CASIMIR));
+        let outputs = self
+            .outputs
+            .iter()
+            .flat_map(|o| o.components.iter().map(|(_, e)| (o.name.clone(), *e, OF_OUTPUT)));
+        let values: Vec<(String, ExprId, &[Special])> = casimirs.chain(outputs).collect();
+        for (name, e, allowed) in values {
             let span = self.output_names.get(&name).copied().flatten();
-            self.reports_stray(
-                e,
-                span,
-                &format!("output `{name}`"),
-                &[Special::QuasiVelocity, Special::Momentum],
-            );
+            self.reports_stray(e, span, &format!("output `{name}`"), allowed);
         }
     }
 }

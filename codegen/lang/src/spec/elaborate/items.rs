@@ -131,6 +131,11 @@ impl Elaboration<'_> {
                     };
                 }
             }
+            ItemKind::Actuate { name, along } => match self.eval(along) {
+                Some(value) => _ = self.builder.actuated_along(&name.text, &value),
+                None => _ = self.builder.broken.insert("actuate"),
+            },
+            ItemKind::Lyapunov { name, rate, .. } => self.lyapunov(item, name, rate.as_ref()),
             ItemKind::Casimir { name, value } => match self.eval(value) {
                 Some(Value::Scalar(e)) => {
                     self.builder.at(Some(name.span)).casimir(
@@ -238,6 +243,24 @@ impl Elaboration<'_> {
             | ItemKind::Mode(_)
             | ItemKind::Event(_)
             | ItemKind::Coordinate { by: None, .. } => {}
+        }
+    }
+
+    /// A function whose value is a definition, and its rate.
+    fn lyapunov(&mut self, item: &Item, name: &Name, rate: Option<&Expr>) {
+        let known = self.builder.value(&name.text).cloned();
+        let value = known.filter(|_| !self.poisoned.contains(&name.text));
+        let rate = rate.map(|rate| self.eval(rate));
+        match (value, rate) {
+            (Some(value), None) => {
+                let builder = self.builder.at(Some(name.span));
+                builder.lyapunov(&name.text, &value, None, &item.doc.join("\n"));
+            }
+            (Some(value), Some(Some(rate))) => {
+                let builder = self.builder.at(Some(name.span));
+                builder.lyapunov(&name.text, &value, Some(&rate), &item.doc.join("\n"));
+            }
+            _ => _ = self.builder.broken.insert("lyapunov"),
         }
     }
 

@@ -1,6 +1,6 @@
 //! Definitions, in the order of their use.
 //!
-//! Deliberately does not know: items other than `let`, `state` and `body`.
+//! Deliberately does not know: items other than `let`, `state`, `lyapunov` and `body`.
 
 use std::collections::BTreeMap;
 
@@ -60,6 +60,7 @@ impl Elaboration<'_> {
             ItemKind::Let { name, value } => vec![(name, Definition::Value(value))],
             // A rate is a definition: what mentions it means its value.
             ItemKind::State { rate: (name, value), .. } => vec![(name, Definition::Value(value))],
+            ItemKind::Lyapunov { name, function, .. } => vec![(name, Definition::Value(function))],
             ItemKind::Body(body) => {
                 body.parts.iter().map(|(part, name)| (name, Definition::Part(body, *part))).collect()
             }

@@ -136,6 +136,23 @@ impl Elaboration<'_> {
             }
         }
         self.declare_configurations(items);
+        self.declare_feedback(items);
+    }
+
+    /// Forces of actuators, and `dV_du` for a function and an actuator.
+    fn declare_feedback(&mut self, items: &[Item]) {
+        for item in items {
+            if let ItemKind::Actuate { name, .. } = &item.kind {
+                self.builder.at(Some(name.span)).actuator(&name.text, &item.doc.join("\n"));
+            }
+        }
+        // Several of them are refused once all is known.
+        let Some(actuator) = self.builder.actuators().into_iter().next() else { return };
+        for item in items {
+            if let ItemKind::Lyapunov { name, .. } = &item.kind {
+                self.builder.at(Some(name.span)).response(&name.text, &actuator);
+            }
+        }
     }
 
     /// Momenta of velocities, once it is known what the velocities are.

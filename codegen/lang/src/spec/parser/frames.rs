@@ -128,6 +128,22 @@ impl Parser<'_> {
         Ok(ItemKind::Virtual { name, left, right })
     }
 
+    /// `u along x_dot`, behind `actuate`.
+    pub(super) fn actuator(&mut self) -> Parsed<ItemKind> {
+        let name = self.labelled("the name of the force")?;
+        self.require_word("along")?;
+        Ok(ItemKind::Actuate { name, along: self.expr()? })
+    }
+
+    /// `V = function rate -k*dV_du^2`, behind `lyapunov`.
+    pub(super) fn lyapunov(&mut self) -> Parsed<ItemKind> {
+        let name = self.labelled("the name of the function")?;
+        self.equals()?;
+        let function = self.expr()?;
+        let rate = self.word("rate").map(|_| self.expr()).transpose()?;
+        Ok(ItemKind::Lyapunov { name, function, rate })
+    }
+
     /// `v = expression`, behind `acceleration` or `field`.
     pub(super) fn given(&mut self, what: &str) -> Parsed<(Name, Expr)> {
         let name = self.named(what)?;

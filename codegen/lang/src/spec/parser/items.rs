@@ -140,6 +140,8 @@ impl<'a> Parser<'a> {
                 self.equals()?;
                 ItemKind::Force { name, value: self.expr()? }
             }
+            "actuate" => self.actuator()?,
+            "lyapunov" => self.lyapunov()?,
             "casimir" | "output" => {
                 let name = self.labelled("a name")?;
                 self.equals()?;

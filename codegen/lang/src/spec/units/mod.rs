@@ -432,6 +432,7 @@ impl Check<'_> {
             let what = format!("the force on `{}`", names[k].0);
             self.equal(&what, spans(&model.places.forces, k), *force, &expected, "the power by its velocity");
         }
+        self.feedback();
         for (k, given) in model.given.iter().flatten().enumerate() {
             let velocity = self.velocity(k);
             let span = spans(&model.places.given, k);
@@ -457,6 +458,27 @@ impl Check<'_> {
                     );
                 }
             }
+        }
+    }
+
+    /// The force of an actuator by its power, and what a function has from it.
+    fn feedback(&mut self) {
+        let model = self.model;
+        let (Some(lyapunov), Some(condition)) = (&model.lyapunov, model.virtual_constraints.first()) else {
+            return;
+        };
+        let own = model.multipliers.iter().find(|(name, _)| *name == lyapunov.name);
+        let Some(force) = own.map(|(_, symbol)| self.dimensions.of_symbol(*symbol)) else { return };
+        let second = self.second.clone();
+        let power = self.energy.divided(&second);
+        for (k, f) in condition.one_form.iter().enumerate() {
+            let expected = power.divided(&self.velocity(k)).divided(&force);
+            let what = format!("the velocity of `{}`", condition.name);
+            self.equal(&what, condition.span, *f, &expected, "a power by its force");
+        }
+        let what = format!("the function `{}`", lyapunov.name);
+        if let Some(value) = self.inside(&what, lyapunov.span, lyapunov.value) {
+            self.dimensions.set(lyapunov.response, value.divided(&second).divided(&force));
         }
     }
 

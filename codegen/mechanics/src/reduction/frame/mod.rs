@@ -148,6 +148,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         mut outputs,
         events,
         multipliers,
+        mut feedback,
         mut sections,
         reconstruction,
         momenta_in_space,
@@ -217,6 +218,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
     }
     let rates = reconstruction.iter_mut().map(|c| &mut c.rate);
     let own = own_rates.iter_mut().map(|own| &mut own.rate);
+    let own = own.chain(feedback.iter_mut().map(|feedback| &mut feedback.rate));
     for e in rates.chain(own).chain(noise_rates.iter_mut().map(|(_, rate)| rate)) {
         replace(g, e)?;
     }
@@ -257,6 +259,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         outputs,
         events,
         multipliers,
+        feedback,
         sections,
         reconstruction,
         momenta_in_space,
