@@ -42,6 +42,7 @@ mod mode;
 mod model;
 mod motions;
 mod names;
+mod noise;
 mod outline;
 mod parser;
 mod parts;
@@ -88,11 +89,12 @@ pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use mode::{Impact, Mode};
 pub use model::{
     Advected, Carried, CarriedBy, Condition, ConnectionKind, Coordinate, Domain, FormulationSearch, Given,
-    IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, Noise, OwnAlgebroid, OwnBracket, Param,
+    IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid, OwnBracket, Param,
     ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side, Velocity,
     VelocitySection, circle_names, diagnose,
 };
 pub use names::LEVEL_MOMENTUM;
+pub use noise::Noise;
 pub use outline::{Declaration, DeclarationKind, Mention, Outline};
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use size::FamilySize;

@@ -12,6 +12,7 @@ pub(super) use super::first_order::FirstOrderState;
 use super::layout::Layout;
 use super::matrix_group::MatrixGroup;
 pub(super) use super::mode::Mode;
+pub(super) use super::noise::Noise;
 use super::size::FamilySize;
 use super::total::Total;
 use super::unit::Units;
@@ -41,26 +42,6 @@ pub struct Param {
     pub default: Rational,
     /// Documentation of the item that declared it.
     pub doc: String,
-}
-
-/// White noise, in the sense of Stratonovich: an input that is the derivative of a Wiener process by time.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Noise {
-    /// Name of the input.
-    pub name: String,
-    /// Its symbol, that of one of [`Model::inputs`].
-    pub symbol: SymbolId,
-    /// The function `h(x, p, a, t)` that it multiplies, and where it stands; a noise that the model mentions has none.
-    pub hamiltonian: Option<(ExprId, Option<Span>)>,
-    /// Where it is declared.
-    pub span: Option<Span>,
-}
-
-impl Noise {
-    /// What messages call its function.
-    pub fn function(&self) -> String {
-        format!("the Hamiltonian of the noise `{}`", self.name)
-    }
 }
 
 /// Parameters that form a vector or a matrix.
