@@ -110,6 +110,8 @@ fn adds(kind: &ItemKind) -> bool {
     matches!(
         kind,
         ItemKind::Lagrangian(_)
+            | ItemKind::Actuate { .. }
+            | ItemKind::Lyapunov { .. }
             | ItemKind::Force { .. }
             | ItemKind::AppliedForce { .. }
             | ItemKind::Constraint { .. }

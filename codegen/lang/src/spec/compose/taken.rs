@@ -306,6 +306,9 @@ fn stays_behind(kind: &ItemKind) -> bool {
 fn refused(item: &Item, file: &File) -> Option<String> {
     Some(match &item.kind {
         ItemKind::Hamiltonian(_) | ItemKind::MomentumIn { .. } => "a Hamiltonian".to_owned(),
+        ItemKind::Actuate { .. } | ItemKind::Lyapunov { .. } => {
+            "a force that follows from a function".to_owned()
+        }
         ItemKind::Algebroid(_) => "an algebroid of its own".to_owned(),
         ItemKind::Acceleration { .. } | ItemKind::Field { .. } => "a motion that is given".to_owned(),
         ItemKind::DerivedConnection(_) => "a connection that its Lagrangian defines".to_owned(),
