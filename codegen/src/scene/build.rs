@@ -83,7 +83,8 @@ impl Derivations {
 fn cheaper_by_recursion(model: &Model, system: &ReducedSystem, extent: Extent) -> Option<Derived> {
     let lowered = |equations: Equations, formulation: &Formulation| {
         let plan = Plan::bare(DEFAULT.to_owned(), formulation.clone());
-        let derived = Derived::from(Arc::new(equations));
+        let mut derived = Derived::from(Arc::new(equations));
+        derived.by_cost = true;
         let built = build_derived(model, derived.clone(), &plan).ok()?;
         let cost = built.program.function(&Role::Rate)?.counts().cost();
         Some((cost, built.spent, derived))
@@ -369,7 +370,8 @@ pub(super) fn lower_scene(
     state: Vec<StateEquation>,
     (mut outputs, sampling, total): (Vec<Output>, Option<Sampling>, Option<Arc<TotalSystem>>),
 ) -> Result<BuiltScene, Error> {
-    let is_shared = plan.search == SearchBudget::default() && !plan.hamiltonian_time;
+    let is_shared = (plan.is_plain() || derived.by_cost) && !plan.hamiltonian_time;
+    let is_shared = is_shared && plan.search == SearchBudget::default();
     let searched = if is_shared { Some(derived.searched(&state)?) } else { None };
     let equations = derived.equations;
     let system = &equations.system;
@@ -393,11 +395,7 @@ pub(super) fn lower_scene(
     let of_model = outputs_of_model(&equations, &state);
     let what = (moving.as_slice(), of_model.as_slice());
     let derivatives = derivatives::differentiate(&mut graph, &equations, what, &inputs, &plan.derivatives)?;
-    inputs.arguments = derivatives.arguments;
-    if !equations.legendre.momenta.is_empty() {
-        let velocities = equations.legendre.velocities.iter().map(|(_, symbol)| *symbol).collect();
-        inputs.arguments.insert(legendre_role(), velocities);
-    }
+    inputs.arguments.extend(derivatives.arguments);
     outputs.extend(derivatives.outputs);
     let mut matrices = derivatives.matrices;
     let dynamics = dynamics::find(&mut graph, &equations, &plan.dynamics)?;

@@ -11,6 +11,7 @@ use hamel_mechanics::mechanics::{Equations, StateEquation};
 use hamel_program::lower::{self, Inputs, KnownRates, ParamCondition, Request, SearchBudget};
 use hamel_program::program::Role;
 
+use super::built::legendre_role;
 use super::domain::domain;
 use super::pivots::sorted_pivots;
 
@@ -18,6 +19,8 @@ use super::pivots::sorted_pivots;
 #[derive(Clone, Debug)]
 pub(super) struct Derived {
     pub(super) equations: Arc<Equations>,
+    /// Whether the forms decided how the equations are written: all scenes take them then.
+    pub(super) by_cost: bool,
     searched: Arc<Mutex<Vec<(Request, Arc<OnceLock<Result<Arc<Searched>, Error>>>)>>>,
 }
 
@@ -78,13 +81,18 @@ pub(super) fn rates_of(state: &[StateEquation]) -> Request {
 /// What a scene with this state gets from outside, before it asks for more than rates.
 pub(super) fn inputs_of(equations: &Equations, state: &[StateEquation]) -> Inputs {
     let system = &equations.system;
+    let mut arguments = BTreeMap::new();
+    if !equations.legendre.momenta.is_empty() {
+        let velocities = equations.legendre.velocities.iter().map(|(_, symbol)| *symbol).collect();
+        arguments.insert(legendre_role(), velocities);
+    }
     Inputs {
         params: system.params.iter().map(|p| p.symbol).collect(),
         time: system.time,
         held: system.inputs.iter().map(|input| (input.symbol, input.default.clone())).collect(),
         state: state.iter().map(|s| s.symbol).collect(),
         signs: system.signs.clone(),
-        arguments: BTreeMap::new(),
+        arguments,
         divisors: lower::Divisors::default(),
         circles: system.circles.iter().map(|c| [c.cosine, c.sine]).collect(),
         sampling: None,
@@ -93,13 +101,12 @@ pub(super) fn inputs_of(equations: &Equations, state: &[StateEquation]) -> Input
 
 impl From<Arc<Equations>> for Derived {
     fn from(equations: Arc<Equations>) -> Derived {
-        Derived { equations, searched: Arc::default() }
+        Derived { equations, by_cost: false, searched: Arc::default() }
     }
 }
 
 impl Derived {
-    /// The rates of a state in the form that costs least, searched by whoever asks first. The form depends on nothing
-    /// else that a scene wants.
+    /// The rates of a state in the form that costs least, searched by whoever asks first, in the graph of the equations.
     pub(super) fn searched(&self, state: &[StateEquation]) -> Result<Arc<Searched>, Error> {
         let asked = rates_of(state);
         let cell = {

@@ -119,6 +119,10 @@ impl Plan {
     /// The equations that the scene is made from: of a scene that wants the right-hand side alone, no more than its
     /// rates.
     pub(super) fn asked(&self) -> Asked {
+        self.asked_and_plain().0
+    }
+
+    fn asked_and_plain(&self) -> (Asked, bool) {
         let Plan {
             name: _,
             formulation,
@@ -146,12 +150,10 @@ impl Plan {
             chosen: _,
         } = self;
         let has_outputs = !matches!(outputs, Outputs::Named(wanted) if wanted.is_empty());
-        let connection = connection.is_some();
         let wants = [
-            *energy,
             *invariants,
             *phases,
-            connection,
+            connection.is_some(),
             *bracket,
             *hamiltonian_time,
             *splitting,
@@ -160,9 +162,14 @@ impl Plan {
             discrete.is_some(),
         ];
         let has_sets = !derivatives.is_empty() || !dynamics.is_empty() || !of_frames.is_empty();
-        let is_more = has_outputs || has_sets || *positions != Share::None || wants.contains(&true);
-        let extent = if is_more { Extent::Whole } else { Extent::Rates };
-        Asked { formulation: formulation.clone(), extent }
+        let is_plain = !(has_sets || *positions != Share::None || wants.contains(&true));
+        let extent = if has_outputs || *energy || !is_plain { Extent::Whole } else { Extent::Rates };
+        (Asked { formulation: formulation.clone(), extent }, is_plain)
+    }
+
+    /// Whether the scene wants nothing but functions that its equations have.
+    pub(super) fn is_plain(&self) -> bool {
+        self.asked_and_plain().1
     }
 
     /// The right-hand side alone, in a formulation.

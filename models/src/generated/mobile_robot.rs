@@ -147,7 +147,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c5: R::from_f64(0.5) * J * R_ / c,
             c6: R::from_f64(-0.5) * R_ * t1,
             c7: m0 * l / J, c8: -(t31 * t4 * t13 / t17), c9: -(t31 * t5 * t21 / t17),
-            c10: R::from_f64(0.25) * t4 * (t28 + t27 * m1 * J * t5 + t30 * t4 * t7 - t30 * t3 * t4 + t2 * J * t5 - t29 * m1 * t3 * t5 - t2 * m0 * t3 * t5) / (c * t10),
+            c10: R::from_f64(0.25) * t4 * (t28 + t27 * m1 * J * t5 - t30 * t3 * t4 + t30 * t4 * t7 + t2 * J * t5 - t29 * m1 * t3 * t5 - t2 * m0 * t3 * t5) / (c * t10),
             c11: t14 * J2 * l * t4 * t16 / t17,
             c12: R::from_f64(0.25) * t24, c13: R::from_f64(-0.25) * t25, c14: t20 / t7, c15: t33, c16: t32,
         })

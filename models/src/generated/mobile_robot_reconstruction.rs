@@ -159,7 +159,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c6: R::from_f64(0.125) * t26,
             c7: R::from_f64(0.5) * J * R_ / c,
             c8: -(t22 * t1), c9: m0 * l / J, c10: -(t33 * t4 * t13 / t17), c11: -(t33 * t5 * t21 / t17),
-            c12: R::from_f64(0.25) * t4 * (t30 + t29 * m1 * J * t5 + t32 * t4 * t7 - t32 * t3 * t4 + t2 * J * t5 - t31 * m1 * t3 * t5 - t2 * m0 * t3 * t5) / (c * t10),
+            c12: R::from_f64(0.25) * t4 * (t30 + t29 * m1 * J * t5 - t32 * t3 * t4 + t32 * t4 * t7 + t2 * J * t5 - t31 * m1 * t3 * t5 - t2 * m0 * t3 * t5) / (c * t10),
             c13: t14 * J2 * l * t4 * t16 / t17,
             c14: R::from_f64(0.25) * t26, c15: R::from_f64(-0.25) * t27, c16: t20 / t7, c17: t35, c18: t34, c19: t23,
         })

@@ -561,17 +561,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_s1_2_2_over_m = A_v1_v1_over_m - t24;
         let t25 = R::from_f64(10.0) * (t7.abs() + t8.abs());
         let t26 = fma(t25, R::from_f64(2.0) * d_omega_part5.abs(), fma(t14, R::from_f64(10.0), R::from_f64(10.0) * t13));
-        let t27 = t21.abs();
-        let t28 = R::from_f64(10.0) * (t5.abs() + (-t6).abs());
-        let t29 = fma(t28, self.c0, R::from_f64(8.0) * t9.abs());
+        let t27 = R::from_f64(10.0) * (t5.abs() + (-t6).abs());
+        let t28 = fma(t27, self.c0, R::from_f64(8.0) * t9.abs());
+        let t29 = t21.abs();
         let d_v1_part5_scaled = -t9;
-        let t30 = A_l2_1.abs();
-        let t31 = fma(R::from_f64(10.0), t19.abs(), fma(t28, (self.c3 * d_omega_part5).abs(), fma(t25, (self.c3 * d_omega_part7).abs(), fma(self.c15, (self.c13 * t16).abs(), R::from_f64(10.0) * t17.abs()))));
-        let t32 = fma(self.c15, (self.c14 * t18).abs(), t31);
-        let t33 = fma(t28, R::from_f64(2.0) * d_omega_part7.abs(), fma(t26, self.c1, fma(t12, R::from_f64(2.0), fma(t11, R::from_f64(10.0), fma(t15, self.c16, R::from_f64(10.0) * t10)))));
-        let t34 = fma(t27, t29, fma(t24, R::from_f64(10.0), fma(A_v1_v1_over_m, R::from_f64(2.0), fma(-t22, R::from_f64(11.0), fma(t15, R::from_f64(3.0), fma(t20, R::from_f64(11.0), t26))))));
+        let t30 = fma(self.c15, (self.c14 * t18).abs(), fma(t27, (self.c3 * d_omega_part5).abs(), fma(t25, (self.c3 * d_omega_part7).abs(), fma(R::from_f64(10.0), t17.abs(), self.c15 * (self.c13 * t16).abs()))));
+        let t31 = fma(R::from_f64(10.0), t19.abs(), t30);
+        let t32 = A_l2_1.abs();
+        let t33 = fma(t27, R::from_f64(2.0) * d_omega_part7.abs(), fma(t26, self.c1, fma(t12, R::from_f64(2.0), fma(t11, R::from_f64(10.0), fma(t15, self.c16, R::from_f64(10.0) * t10)))));
+        let t34 = fma(t28, t29, fma(t24, R::from_f64(10.0), fma(A_v1_v1_over_m, R::from_f64(2.0), fma(-t22, R::from_f64(11.0), fma(t15, R::from_f64(3.0), fma(t20, R::from_f64(11.0), t26))))));
         [
-            ::hamel_runtime::Pivot::new("inertia along v1", A_s1_2_2_over_m, fma(A_v1_omega_over_m.abs(), fma((A_v1_omega_over_m * (t23 * t23)).abs(), t33, fma(t30, R::from_f64(8.0), t32 * t23)), fma(t30, t32, fma(d_v1_part5_scaled.abs(), fma(t29, self.c4, R::from_f64(8.0) * t27), t34)))),
+            ::hamel_runtime::Pivot::new("inertia along v1", A_s1_2_2_over_m, fma(fma(t33, (A_v1_omega_over_m * (t23 * t23)).abs(), fma(t32, R::from_f64(8.0), t31 * t23)), A_v1_omega_over_m.abs(), fma(t31, t32, fma(fma(t28, self.c4, R::from_f64(8.0) * t29), d_v1_part5_scaled.abs(), t34)))),
         ]
     }
 

@@ -279,10 +279,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t19 = fma(t16, self.c5, fma(t13, R::from_f64(0.5), self.c4) - t18 + t15);
         let t20 = A_omega_omega_over_m_l.recip();
         let A_s1_2_2_scaled = t19 * t20;
-        let t21 = fma(self.l, fma(R::from_f64(2.0), R::from_f64(10.0) * (t1.abs() + t0.abs()) * d_omega_part7_over_l.abs(), fma(t5, R::from_f64(10.0), R::from_f64(10.0) * t4)), fma(t9, self.c24, fma(t6, self.c23, self.c24)));
-        let t22 = fma(self.c28, (self.c25 * t17).abs(), fma(R::from_f64(13.0), t18.abs(), fma(t16, self.c27, fma(t15, R::from_f64(13.0), fma(t13, R::from_f64(6.5), self.c26))))) * t20;
+        let t21 = fma(self.l, fma(R::from_f64(2.0), R::from_f64(10.0) * d_omega_part7_over_l.abs() * (t1.abs() + t0.abs()), fma(t5, R::from_f64(10.0), R::from_f64(10.0) * t4)), fma(t9, self.c24, fma(t6, self.c23, self.c24)));
+        let t22 = fma(R::from_f64(13.0), t18.abs(), fma(self.c28, (self.c25 * t17).abs(), fma(t16, self.c27, fma(t15, R::from_f64(13.0), fma(t13, R::from_f64(6.5), self.c26))))) * t20;
         [
-            ::hamel_runtime::Pivot::new("inertia along v1", A_s1_2_2_scaled, fma((t19 * (t20 * t20)).abs(), fma(self.c1, fma(R::from_f64(2.0), R::from_f64(10.0) * (t2.abs() + t3.abs()) * d_omega_part3.abs(), fma(t8, R::from_f64(10.0), R::from_f64(10.0) * t7)), t21), fma(R::from_f64(8.0), A_s1_2_2_scaled.abs(), t22))),
+            ::hamel_runtime::Pivot::new("inertia along v1", A_s1_2_2_scaled, fma(fma(self.c1, fma(R::from_f64(2.0), R::from_f64(10.0) * d_omega_part3.abs() * (t2.abs() + t3.abs()), fma(t8, R::from_f64(10.0), R::from_f64(10.0) * t7)), t21), (t19 * (t20 * t20)).abs(), fma(R::from_f64(8.0), A_s1_2_2_scaled.abs(), t22))),
         ]
     }
 

@@ -563,7 +563,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t28 = fma(t27, self.c0, R::from_f64(8.0) * t9.abs());
         let t29 = t21.abs();
         let d_v1_part5_scaled = -t9;
-        let t30 = fma(self.c15, (self.c14 * t18).abs(), fma(t27, (self.c3 * d_omega_part5).abs(), fma(t25, (self.c3 * d_omega_part7).abs(), fma(self.c15, (self.c13 * t16).abs(), R::from_f64(10.0) * t17.abs()))));
+        let t30 = fma(self.c15, (self.c14 * t18).abs(), fma(t27, (self.c3 * d_omega_part5).abs(), fma(t25, (self.c3 * d_omega_part7).abs(), fma(R::from_f64(10.0), t17.abs(), self.c15 * (self.c13 * t16).abs()))));
         let t31 = fma(R::from_f64(10.0), t19.abs(), t30);
         let t32 = A_l2_1.abs();
         let t33 = fma(t27, R::from_f64(2.0) * d_omega_part7.abs(), fma(t26, self.c1, fma(t12, R::from_f64(2.0), fma(t11, R::from_f64(10.0), fma(t15, self.c16, R::from_f64(10.0) * t10)))));

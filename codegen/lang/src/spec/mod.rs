@@ -114,6 +114,7 @@ pub use hamel_expr::{Budget, DivisionByZero, ExprId, Func, Graph, Rational, Rela
 pub fn keywords() -> Vec<&'static str> {
     let parts = [
         "model",
+        "part",
         "in",
         "by",
         "of",

@@ -286,6 +286,7 @@ const OF_FUNCTIONS: &[(&str, &str, &str)] = &[
 /// Words within items.
 const PARTS: &[(&str, &str, &str)] = &[
     ("model", "model name { .. }", "A file holds one model."),
+    ("part", "part motor \"motor.hamel\" { .. }", "A model that this one uses, as it was put into the text."),
     ("in", "", "The algebra, the space, the group or the domain follows."),
     ("of", "", "The velocity or the algebra follows."),
     ("on", "", "The space of a representation follows."),
