@@ -1,4 +1,4 @@
-from typing import Any, final
+from typing import Any, TypedDict, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,6 +156,16 @@ class Stepper:
     def of(scene: Scene, dt: float, options: dict[str, Any]) -> Stepper: ...
     def step(self, states: _Array, inputs: _Array | None, t: float, threads: bool | None) -> None: ...
 
+class _FluidSamples(TypedDict):
+    t: _Array
+    y: _Array
+    energy: _Array
+    casimirs: _Array
+
+class _FluidMotion(_FluidSamples, total=False):
+    fields: _Array
+    carried: dict[str, _Array]
+
 @final
 class Fluid:
     name: str
@@ -174,7 +184,7 @@ class Fluid:
         y0: dict[str, float],
         params: dict[str, float],
         with_fields: bool,
-    ) -> dict[str, _Array]: ...
+    ) -> _FluidMotion: ...
 
 @final
 class Motion:

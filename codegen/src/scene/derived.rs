@@ -106,7 +106,7 @@ impl From<Arc<Equations>> for Derived {
 }
 
 impl Derived {
-    /// The rates of a state in the form that costs least, searched by whoever asks first, in the graph of the equations.
+    /// The rates of a state in the form that costs least, searched in the graph of the equations by whoever asks first.
     pub(super) fn searched(&self, state: &[StateEquation]) -> Result<Arc<Searched>, Error> {
         let asked = rates_of(state);
         let cell = {

@@ -143,10 +143,10 @@ impl Part {
                     edits.push((item.extent.start..item.extent.end, String::new()));
                 }
                 ItemKind::Reconstruct { way: ReconstructWay::Group { from, .. }, .. } if from.is_empty() => {
-                    edits.push((item.span.end..item.span.end, self.from_own()));
+                    edits.push((item.span.end..item.span.end, self.moved_by_own()));
                 }
                 ItemKind::Configuration { by: MovedBy::Declared(list), group, .. } if list.is_empty() => {
-                    edits.push((group.span.end..group.span.end, self.from_own()));
+                    edits.push((group.span.end..group.span.end, self.moved_by_own()));
                 }
                 ItemKind::Part { name, .. } => {
                     edits.push((name.span.start..name.span.start, before.clone()));
@@ -165,7 +165,7 @@ impl Part {
     }
 
     /// ` from a_Omega`, all velocities of the part in its algebra.
-    fn from_own(&self) -> String {
+    fn moved_by_own(&self) -> String {
         let own = self.file.items.iter().flat_map(|item| match &item.kind {
             ItemKind::Velocity { names, .. } | ItemKind::Configuration { by: MovedBy::Own(names), .. } => {
                 names.as_slice()
@@ -364,14 +364,12 @@ pub(super) fn side(items: &[Item], parts: &[Part]) -> Result<String, Box<Diagnos
 
 /// Words that a model has once, where a part has them and the model does not.
 pub(super) fn once(items: &[Item], parts: &[Part]) -> String {
-    let words: [(&str, fn(&ItemKind) -> bool); 2] = [
-        ("multipliers;", |kind| matches!(kind, ItemKind::Multipliers)),
-        ("virtual thermo;", |kind| matches!(kind, ItemKind::VirtualThermo)),
-    ];
-    let missing = words
-        .into_iter()
-        .filter(|(_, is)| parts.iter().any(|part| part.has(*is)) && !items.iter().any(|item| is(&item.kind)));
-    missing.map(|(word, _)| format!("\n{word}")).collect()
+    let missing = |word: &str, is: fn(&ItemKind) -> bool| {
+        let is_new = parts.iter().any(|part| part.has(is)) && !items.iter().any(|item| is(&item.kind));
+        if is_new { format!("\n{word}") } else { String::new() }
+    };
+    missing("multipliers;", |kind| matches!(kind, ItemKind::Multipliers))
+        + &missing("virtual thermo;", |kind| matches!(kind, ItemKind::VirtualThermo))
 }
 
 /// A text with blanks in the place of some of it.
