@@ -21,8 +21,11 @@ pub(super) struct Derived {
     pub(super) equations: Arc<Equations>,
     /// Whether the forms decided how the equations are written: all scenes take them then.
     pub(super) by_cost: bool,
-    searched: Arc<Mutex<Vec<(Request, Arc<OnceLock<Result<Arc<Searched>, Error>>>)>>>,
+    searched: Arc<Mutex<Vec<(Request, Cell)>>>,
 }
+
+/// The outcome of one search, once somebody has asked for it.
+type Cell = Arc<OnceLock<Result<Arc<Searched>, Error>>>;
 
 /// Rates in the form that costs least.
 #[derive(Debug)]
