@@ -10,7 +10,7 @@ use hamel_expr::{ExprId, SymbolId};
 pub struct Noise {
     /// Name of the input.
     pub name: String,
-    /// Its symbol, that of one of [`Model::inputs`].
+    /// Its symbol, that of one of [`Model::inputs`](super::Model::inputs).
     pub symbol: SymbolId,
     /// The function `h(x, p, a, t)` that it multiplies, and where it stands; a noise that the model mentions has none.
     pub hamiltonian: Option<(ExprId, Option<Span>)>,
