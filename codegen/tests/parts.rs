@@ -141,6 +141,54 @@ fn a_circuit_from_parts_is_the_circuit() {
     assert!(close(ours["c_q"], number("l_q_dot") - number("m_q_dot")));
 }
 
+/// A vector is given with its components, initial values of the whole stand for the part's own, and forces of the
+/// whole are added to the part's; bodies and words that a model has once come along.
+#[test]
+fn what_a_model_says_of_its_parts() {
+    let link = "model link {
+        param m = 1 where m > 0;
+        param p: vector(2) = [1, 2] where p1 > 0;
+        coordinate q in angle;
+        coordinate s in real;
+        body B { mass m; inertia diag([0.1, 0.2, 0.3]); place [sin(q), -cos(q), s]; attitude rot([0, 0, 1], q); }
+        lagrangian = B_energy*p1 - m*dot(p, [s, -cos(q)]);
+        force q_dot = -p2*q_dot;
+        constraint slide: s_dot = 2*q_dot;
+        multipliers;
+        initial q = 0.3;
+    }";
+    let text = "model two {
+        param k = 3;
+        use \"link.hamel\" as a { p = [k, 4]; }
+        use \"link.hamel\" as b;
+        initial b_q = 0.7;
+        force along a_q_dot: -k*a_q_dot;
+    }";
+    let list = [("link.hamel", link)];
+    let model = whole(text, &list).unwrap();
+    assert!(model.force_multipliers);
+    let given = scene::initial_values(&model, &BTreeMap::new());
+    assert_eq!((given["a_q"], given["b_q"]), (0.3, 0.7));
+    let [two, one] = [model, whole(link, &list).unwrap()].map(|m| scene::build(&m, "default").unwrap());
+    let all = rates(&two, &number);
+    let of = |part: &str, name: &str| match (part, name) {
+        ("a", "p1") => number("k"),
+        ("a", "p2") => 4.0,
+        _ => number(&format!("{part}_{name}")),
+    };
+    for (name, rate) in rates(&one, &|name| of("b", name)) {
+        assert!(close(all[&format!("b_{name}")], rate), "{name}");
+    }
+    // The force of the whole is one more damping.
+    let mut alone = rates(&one, &|name| of("a", name));
+    let more = whole(&link.replace("-p2*q_dot", "-p2*q_dot - p1*q_dot"), &list).unwrap();
+    let more = rates(&scene::build(&more, "default").unwrap(), &|name| of("a", name));
+    assert!(!close(alone.remove("q_dot").unwrap(), more["q_dot"]));
+    for (name, rate) in more {
+        assert!(close(all[&format!("a_{name}")], rate), "{name}");
+    }
+}
+
 /// A part may have parts; values that are given go through.
 #[test]
 fn parts_have_parts() {

@@ -44,8 +44,8 @@ impl Page {
         self.formulas(&rows);
         let [function, response, force] =
             [&own.function, g.name(own.response), &own.actuator].map(|name| self.inline(&self.name(name)));
-        self.line(&format!("At zero {force} the rate differs from this one by a multiple of {response}, proved: {force} is the"));
-        self.line(&format!("factor, and nothing is divided by {response}."));
+        self.line(&format!("The rate at {force} = 0 lacks {response} {force} of this one: {force} is an exact quotient, proved,"));
+        self.line(&format!("and nothing is divided by {response}."));
         self.line(&match equations.facts.decrease {
             Some(Decrease::Conserved) => format!("{function} is conserved."),
             Some(Decrease::Proved) => format!("{function} never increases."),

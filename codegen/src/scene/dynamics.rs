@@ -30,6 +30,21 @@ pub(super) struct Dynamics {
     pub(super) sections: Vec<Section>,
 }
 
+/// Why a function has no balance of forces that is solved for accelerations.
+pub(super) fn unbalanced(equations: &Equations, want: Want) -> Error {
+    let (what, possible) = match &equations.system.feedback {
+        Some(own) => {
+            let force = &own.actuator;
+            (format!("beside the force `{force}` of an actuator"), format!("the force `{force}` as an input"))
+        }
+        None => (
+            "of equations that are not solved for the rates of velocities".to_owned(),
+            "velocities of the model as state; remove `carry`".to_owned(),
+        ),
+    };
+    Error::Unsupported { what: format!("{} {what}", want.name()), possible }
+}
+
 /// The functions that are wanted, along the virtual displacements of the velocities `u` of the state.
 ///
 /// # Errors
@@ -39,18 +54,7 @@ pub(super) fn find(g: &mut Graph, equations: &Equations, wanted: &BTreeSet<Want>
     let mut found = Dynamics::default();
     let Some(first) = wanted.first() else { return Ok(found) };
     let Some((system, balance)) = equations.balanced_system() else {
-        return Err(Error::Unsupported {
-            what: match &equations.system.feedback {
-                Some(own) => format!("{} beside the force `{}` of an actuator", first.name(), own.actuator),
-                None => {
-                    format!("{} of equations that are not solved for the rates of velocities", first.name())
-                }
-            },
-            possible: match &equations.system.feedback {
-                Some(own) => format!("the force `{}` as an input", own.actuator),
-                None => "velocities of the model as state; remove `carry`".into(),
-            },
-        });
+        return Err(unbalanced(equations, *first));
     };
     let names = &system.unknowns;
     let n = names.len();

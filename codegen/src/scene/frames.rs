@@ -13,6 +13,7 @@ use hamel_mechanics::mechanics::{Equations, Output, OutputKind, StateEquation};
 
 use super::dependence::needs;
 use super::derivatives::Matrix;
+use super::dynamics::unbalanced;
 
 /// Numbers of a twist.
 const TWIST: usize = 6;
@@ -50,18 +51,7 @@ pub(super) fn find(
     let beyond_outputs = |want: &&Want| ![Want::CenterOfMass, Want::CentroidalMomentum].contains(want);
     let Some(first) = wanted.iter().find(beyond_outputs) else { return Ok(found) };
     if equations.balanced_system().is_none() {
-        return Err(Error::Unsupported {
-            what: match &equations.system.feedback {
-                Some(own) => format!("{} beside the force `{}` of an actuator", first.name(), own.actuator),
-                None => {
-                    format!("{} of equations that are not solved for the rates of velocities", first.name())
-                }
-            },
-            possible: match &equations.system.feedback {
-                Some(own) => format!("the force `{}` as an input", own.actuator),
-                None => "velocities of the model as state; remove `carry`".into(),
-            },
-        });
+        return Err(unbalanced(equations, *first));
     }
     let writer = SectionWriter::new(g, BTreeSet::new(), &[]);
     let mut pass = Pass {

@@ -40,7 +40,7 @@ const MATCHING: &str =
 const POLYNOMIAL: &str =
     "the Lagrangian is quadratic in the velocities, and the function and its rate are polynomials in them";
 /// Advice about expressions without values.
-const VALUES: &str = "write the function and its rate without what has no value";
+const VALUES: &str = "write the function and its rate without parts that have no value";
 
 /// The parts of the rate of a function along the motion.
 pub(super) struct RateOfFunction<'a> {

@@ -89,7 +89,8 @@ fn composed(
         let part = composed(part, read, depth + 1)?;
         let outcome = parser::Outcome { is_part: true, ..parser::parse_file(&part.text) };
         let model = elaborate(outcome, part.clone(), Budget::default())?;
-        parts.push(Part::new((item, used), part, model).map_err(|problem| refused(vec![*problem]))?);
+        let taken = Part::new((item, used), &file.items, part, model);
+        parts.push(taken.map_err(|problem| refused(vec![*problem]))?);
     }
     let sides = taken::side(&file.items, &parts).map_err(|problem| refused(vec![*problem]))?;
     let blocks: String = parts.iter().map(|part| part.block(text)).collect();

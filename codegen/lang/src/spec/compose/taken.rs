@@ -24,15 +24,20 @@ pub(super) struct Part {
     given: Vec<(Name, Expr)>,
     /// Insertions and deletions in the text, in order and apart from each other.
     pub(super) edits: Vec<(Range<usize>, String)>,
-    /// Names that are declared, each with what the outline knows it by.
+    /// Parameters in the place of which the model that uses it gives values.
     pub(super) bound: Vec<String>,
+    /// Where a name has to be put behind that of the part.
+    renamed: Vec<usize>,
 }
 
 impl Part {
+    /// `host`: the items of the model that uses it, whose initial values stand in the place of its own.
+    ///
     /// # Errors
     /// An item that a part cannot have, a given name that is none of it.
     pub(super) fn new(
         (item, used): (&Item, &UseItem),
+        host: &[Item],
         origin: Origin,
         model: Model,
     ) -> Result<Part, Box<Diagnostic>> {
@@ -50,9 +55,11 @@ impl Part {
             }
         }
         let (name, given) = (used.name.clone(), used.given.clone());
-        let mut part = Part { name, model, origin, file, given, edits: Vec::new(), bound: Vec::new() };
+        let renamed = renamed(&origin.text, &file);
+        let (edits, bound) = (Vec::new(), Vec::new());
+        let mut part = Part { name, model, origin, file, given, edits, bound, renamed };
         part.check_given(item)?;
-        part.edit();
+        part.edit(host);
         Ok(part)
     }
 
@@ -106,34 +113,21 @@ impl Part {
     }
 
     /// Finds what changes in the text.
-    fn edit(&mut self) {
-        let outline = Outline::new(&self.origin.text);
+    fn edit(&mut self, host: &[Item]) {
         let before = format!("{}_", self.name.text);
-        let mut edits: Vec<(Range<usize>, String)> = Vec::new();
-        let is_renamed = |kind: DeclarationKind| {
-            use DeclarationKind::{BasisElement, Index, Model, Scene};
-            !matches!(kind, Model | Scene | Index | BasisElement)
+        let names = self.renamed.iter().map(|at| (*at..*at, before.clone()));
+        let mut edits: Vec<(Range<usize>, String)> = names.collect();
+        let is_given_anew = |name: &Name| {
+            let whole = self.renamed(&name.text);
+            host.iter().any(|item| matches!(&item.kind, ItemKind::Initial { name, .. } if name.text == whole))
         };
-        for mention in &outline.mentions {
-            if is_renamed(outline.declarations[mention.declaration].kind) {
-                edits.push((mention.name.start..mention.name.start, before.clone()));
-            }
-        }
-        // Multipliers have the names of constraints.
-        let constraints: Vec<&str> =
-            self.file.items.iter().filter_map(name_of_constraint).map(|name| name.text.as_str()).collect();
-        for token in tokens(&self.origin.text) {
-            let Some(rest) = token.text.strip_prefix("lambda_") else { continue };
-            let stem = rest.trim_end_matches(|c: char| c.is_ascii_digit());
-            if constraints.contains(&rest) || constraints.contains(&stem) {
-                let at = token.start + "lambda_".len();
-                edits.push((at..at, before.clone()));
-            }
-        }
         for item in &self.file.items {
             let is_bound = |name: &Name| self.bound.contains(&name.text);
             match &item.kind {
                 ItemKind::Param { name, .. } if is_bound(name) => {
+                    edits.push((item.extent.start..item.extent.end, String::new()));
+                }
+                ItemKind::Initial { name, .. } if is_given_anew(name) => {
                     edits.push((item.extent.start..item.extent.end, String::new()));
                 }
                 ItemKind::Momentum { velocity, .. } if velocity.text == "stages" => {
@@ -147,9 +141,6 @@ impl Part {
                 }
                 ItemKind::Configuration { by: MovedBy::Declared(list), group, .. } if list.is_empty() => {
                     edits.push((group.span.end..group.span.end, self.moved_by_own()));
-                }
-                ItemKind::Part { name, .. } => {
-                    edits.push((name.span.start..name.span.start, before.clone()));
                 }
                 _ => {}
             }
@@ -206,6 +197,9 @@ impl Part {
                 continue;
             }
             text.push_str(&format!("\nlet {whole} = {value};"));
+            for k in 1..=self.length(name) {
+                text.push_str(&format!("\nlet {whole}{k} = {whole}[{k}];"));
+            }
             if let Some(range) = self.conditions(name) {
                 text.push_str(&format!("\nrequire {};", self.whole_text(range)));
             }
@@ -224,6 +218,12 @@ impl Part {
         inputs.map(drive).collect()
     }
 
+    /// Components of a parameter that have names of their own: none of a number.
+    fn length(&self, name: &Name) -> usize {
+        let array = self.model.param_arrays.iter().find(|array| array.name == name.text);
+        array.map_or(0, |array| array.symbols.len())
+    }
+
     /// Where the conditions on a parameter stand.
     fn conditions(&self, name: &Name) -> Option<Range<usize>> {
         self.file.items.iter().find_map(|item| match &item.kind {
@@ -238,13 +238,12 @@ impl Part {
 
     /// A piece of an item that is taken out, with its names.
     fn whole_text(&self, range: Range<usize>) -> String {
-        let outline = Outline::new(&self.origin.text);
         let (mut text, mut at) = (String::new(), range.start);
-        for mention in outline.mentions.iter().filter(|m| range.contains(&m.name.start)) {
-            text.push_str(&self.origin.text[at..mention.name.start]);
+        for &place in self.renamed.iter().filter(|place| range.contains(place)) {
+            text.push_str(&self.origin.text[at..place]);
             text.push_str(&self.name.text);
             text.push('_');
-            at = mention.name.start;
+            at = place;
         }
         text.push_str(&self.origin.text[at..range.end]);
         text
@@ -258,6 +257,33 @@ impl Part {
     fn has(&self, kind: fn(&ItemKind) -> bool) -> bool {
         self.file.items.iter().any(|item| kind(&item.kind))
     }
+}
+
+/// Where names that a text declares stand, in order: of everything but the model, scenes, indices and basis elements.
+fn renamed(text: &str, file: &File) -> Vec<usize> {
+    use DeclarationKind::{BasisElement, Index, Model, Scene};
+    let outline = Outline::new(text);
+    let is_renamed = |kind: DeclarationKind| !matches!(kind, Model | Scene | Index | BasisElement);
+    let mentions = outline.mentions.iter().filter(|m| is_renamed(outline.declarations[m.declaration].kind));
+    let mut places: Vec<usize> = mentions.map(|mention| mention.name.start).collect();
+    // Multipliers have the names of constraints.
+    let constraints: Vec<&str> =
+        file.items.iter().filter_map(name_of_constraint).map(|name| name.text.as_str()).collect();
+    for token in tokens(text) {
+        let Some(rest) = token.text.strip_prefix("lambda_") else { continue };
+        let stem = rest.trim_end_matches(|c: char| c.is_ascii_digit());
+        if constraints.contains(&rest) || constraints.contains(&stem) {
+            places.push(token.start + "lambda_".len());
+        }
+    }
+    let parts = file.items.iter().filter_map(|item| match &item.kind {
+        ItemKind::Part { name, .. } => Some(name.span.start),
+        _ => None,
+    });
+    places.extend(parts);
+    places.sort_unstable();
+    places.dedup();
+    places
 }
 
 /// What may be said of a parameter or an input of a part: a number, or a vector of numbers.

@@ -49,7 +49,7 @@ fn part() -> Part {
     let (item, used) = uses(&file.items).next().unwrap();
     let origin = Origin { file: "arm.hamel".into(), text: PART.into() };
     let model = super::super::parse("arm.hamel", PART).unwrap();
-    Part::new((item, used), origin, model).unwrap()
+    Part::new((item, used), &file.items, origin, model).unwrap()
 }
 
 /// Whether the whole is a model, and whether it is held to the part.
@@ -103,7 +103,7 @@ fn another_text_is_found() {
         let (item, used) = uses(&file.items).next().unwrap();
         // The model is that of the file, the text another one.
         let model = super::super::parse("arm.hamel", PART).unwrap();
-        let wrong = Part::new((item, used), origin, model).unwrap();
+        let wrong = Part::new((item, used), &file.items, origin, model).unwrap();
         assert_eq!(held_to(wrong), (true, false), "{from}");
     }
     assert!(matches!(parser::parse_leniently(WHOLE).file.unwrap().items[0].kind, ItemKind::Use(_)));
