@@ -39,15 +39,19 @@ pub(super) type Evaluate<'a, E> = dyn FnMut(&[f64]) -> Result<Linearised, E> + '
 /// Cosine between the residuals and a column of the Jacobian below which the two count as orthogonal. At a minimum the
 /// cosine is the rounding error of the integrations, some 1e-9 at the default tolerances; a search that is stopped by
 /// an edge ends with cosines of the order of one.
-const ORTHOGONAL: f64 = 1e-4;
+pub(super) const ORTHOGONAL: f64 = 1e-4;
+
+/// The cosine of the angle between the residuals and a column of their Jacobian: the sum of squares falls towards
+/// smaller values of an unknown where it is positive.
+pub(super) fn slope_by(at: &Linearised, k: usize) -> f64 {
+    let column = at.jacobian.column(k);
+    let sizes = at.residuals.norm() * column.norm();
+    if sizes > 0.0 { column.dot(&at.residuals) / sizes } else { 0.0 }
+}
 
 /// The largest `|cos|` of the angles between the residuals and the columns of their Jacobian.
 fn slope(at: &Linearised) -> f64 {
-    let norm = at.residuals.norm();
-    at.jacobian.column_iter().fold(0.0, |max: f64, column| {
-        let sizes = norm * column.norm();
-        if sizes > 0.0 { max.max(column.dot(&at.residuals).abs() / sizes) } else { max }
-    })
+    (0..at.jacobian.ncols()).fold(0.0, |max: f64, k| max.max(slope_by(at, k).abs()))
 }
 
 /// Whether residuals are errors of their computation: data without noise are met, and the residuals have no direction.
@@ -106,8 +110,12 @@ impl<E> LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_, '_, E> {
     }
 }
 
+/// Evaluations for each unknown and one more after which a search is given up.
+pub(super) const PATIENCE: usize = 100;
+
 /// The minimum of `sum_i r_i(x)^2` near a start, by the method of Levenberg and Marquardt; a step to a point where the
-/// residuals have no values is shortened. Why the last of these points has none is left in `refused`.
+/// residuals have no values is shortened. Why the last of these points has none is left in `refused`. After `patience`
+/// evaluations for each unknown and one more the search ends where it is.
 ///
 /// # Errors
 /// That of `evaluate` at the start.
@@ -116,6 +124,7 @@ impl<E> LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_, '_, E> {
 /// Moré, The Levenberg-Marquardt algorithm: implementation and theory (1978), in the crate `levenberg-marquardt`.
 pub(super) fn minimise<E>(
     start: &[f64],
+    patience: usize,
     refused: &mut Option<E>,
     evaluate: &mut Evaluate<'_, E>,
 ) -> Result<Found, E> {
@@ -123,7 +132,7 @@ pub(super) fn minimise<E>(
     let n_residuals = at.residuals.len();
     let x = DVector::from_column_slice(start);
     let problem = Problem { evaluate, x, at: Some(at), n_residuals, refused };
-    let (mut problem, report) = LevenbergMarquardt::new().minimize(problem);
+    let (mut problem, report) = LevenbergMarquardt::new().with_patience(patience).minimize(problem);
     let is_patient = report.termination != TerminationReason::LostPatience;
     let at = match problem.at.take() {
         Some(at) => at,
@@ -193,7 +202,7 @@ pub(super) fn precision(jacobian: &DMatrix<f64>) -> Result<Precision, Vec<f64>> 
 mod tests {
     use nalgebra::{DMatrix, DVector};
 
-    use super::{End, Linearised, minimise, precision};
+    use super::{End, Linearised, PATIENCE, minimise, precision};
 
     /// `a exp(-b t)` at five times, without values unless `b > 0`.
     fn decay(x: &[f64], data: &[f64; 5]) -> Result<Linearised, String> {
@@ -212,7 +221,7 @@ mod tests {
     fn exact_data_give_back_what_they_were_made_of() {
         let data = std::array::from_fn(|i| 3.0 * (-0.7 * i as f64).exp());
         let mut refused = None;
-        let found = minimise(&[1.0, 0.1], &mut refused, &mut |x| decay(x, &data)).unwrap();
+        let found = minimise(&[1.0, 0.1], PATIENCE, &mut refused, &mut |x| decay(x, &data)).unwrap();
         assert_eq!(found.end, End::Minimum);
         assert!((found.x[0] - 3.0).abs() < 1e-12 && (found.x[1] - 0.7).abs() < 1e-12, "{:?}", found.x);
     }
@@ -227,7 +236,7 @@ mod tests {
             at
         };
         // The decay is so flat at b = 0.6 that Newton's first step is to a negative b.
-        let found = minimise(&[3.0, 0.6], &mut refused, &mut evaluate).unwrap();
+        let found = minimise(&[3.0, 0.6], PATIENCE, &mut refused, &mut evaluate).unwrap();
         assert_eq!(found.end, End::Minimum);
         assert!((found.x[1] - 0.05).abs() < 1e-12, "{:?}", found.x);
         assert!(n_refused > 0 && refused.is_some());
@@ -237,10 +246,10 @@ mod tests {
     fn a_minimum_beyond_the_edge_is_told_apart_and_a_start_without_values_is_an_error() {
         let data = std::array::from_fn(|i| 3.0 * (0.2 * i as f64).exp());
         let mut refused = None;
-        let found = minimise(&[1.0, 0.4], &mut refused, &mut |x| decay(x, &data)).unwrap();
+        let found = minimise(&[1.0, 0.4], PATIENCE, &mut refused, &mut |x| decay(x, &data)).unwrap();
         assert_eq!(found.end, End::Edge);
         assert!(found.x[1] > 0.0 && found.x[1] < 0.05, "{:?}", found.x);
-        let start = minimise(&[1.0, -0.4], &mut None, &mut |x| decay(x, &data));
+        let start = minimise(&[1.0, -0.4], PATIENCE, &mut None, &mut |x| decay(x, &data));
         assert_eq!(start.unwrap_err(), "b = -0.4");
     }
 

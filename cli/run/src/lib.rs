@@ -63,7 +63,6 @@ mod steps;
 mod stored;
 pub mod streams;
 pub mod temporary;
-mod verdict;
 pub mod watched;
 mod wide;
 

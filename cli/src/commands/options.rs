@@ -16,7 +16,7 @@ use hamel_run::forms::Forms;
 use hamel_run::info::Info;
 use hamel_run::inputs::{Between, InputTable};
 use hamel_run::method::{MethodName, Steps};
-use hamel_run::model::{CONTROLLED_SCENE, Checked, DEFAULT_SCENE, STOCHASTIC_SCENE};
+use hamel_run::model::{CONTROLLED_SCENE, Checked, DEFAULT_SCENE, STOCHASTIC_SCENE, units};
 use hamel_run::noise::Noise;
 use hamel_run::request::table::Table;
 use hamel_run::session::{ModelFile, Session};
@@ -66,17 +66,17 @@ impl InputOptions {
         Ok(if driven.is_empty() { file } else { file.driven(&driven) })
     }
 
-    /// The table, if one is given.
+    /// The table, if one is given, in the units of a model.
     ///
     /// # Errors
     /// [`Error::Request`] for a second one, and for what is no table; [`Error::Io`].
-    pub fn table(&self) -> Result<Option<Arc<InputTable>>, Error> {
+    pub fn table(&self, model: &Checked) -> Result<Option<Arc<InputTable>>, Error> {
         let mut tables = self.input.iter().filter(|input| is_table(input));
         let Some(path) = tables.next() else { return Ok(None) };
         if tables.next().is_some() {
             return Err(Error::unusable("--input", "has two tables: put their columns into one"));
         }
-        let (names, rows) = Table::read(Path::new(path))?.full()?;
+        let (names, rows) = Table::read(Path::new(path))?.full(|name| units::of_column(model, name))?;
         Ok(Some(Arc::new(InputTable::new(path, &names, &rows, self.interpolation)?)))
     }
 }
@@ -87,21 +87,14 @@ pub(crate) fn is_table(input: &str) -> bool {
 }
 
 impl SceneOptions {
-    /// The scene and who evaluates it.
-    ///
-    /// # Errors
-    /// As [`InputOptions::table`].
-    pub fn choice(&self) -> Result<Choice, Error> {
-        Ok(Choice { scene: self.scene.clone(), via: self.via, table: self.inputs.table()? })
-    }
-
     /// The scene and who evaluates it. Where expressions drive every input, the scene that takes inputs is the default
     /// one.
     ///
     /// # Errors
-    /// As [`SceneOptions::choice`], and problems of the model.
+    /// As [`InputOptions::table`], and problems of the model.
     pub fn choice_of(&self, file: &ModelFile<'_>) -> Result<Choice, Error> {
-        let choice = self.choice()?;
+        let table = self.inputs.table(file.model()?)?;
+        let choice = Choice { scene: self.scene.clone(), via: self.via, table };
         let takes_inputs = choice.scene == CONTROLLED_SCENE && file.is_driven();
         if takes_inputs && !file.model()?.scene_names().contains(&choice.scene) {
             return Ok(Choice { scene: DEFAULT_SCENE.to_owned(), ..choice });

@@ -167,7 +167,7 @@ fn of_matrices(
 fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> {
     let steps = Steps::Adaptive { rtol: Steps::RTOL, atol: Steps::ATOL, max: None };
     let nothing = BTreeMap::new();
-    let table = arguments.inputs.table()?;
+    let table = arguments.inputs.table(model)?;
     let mut motion = pictured(
         model,
         &arguments.scene,

@@ -84,8 +84,10 @@ fn figure(fitted: &Fitted<'_>) -> Figure {
             ..Panel::default()
         }
     };
-    let told =
-        response.estimates.iter().map(|e| format!("{} = {:.6} ± {:.1e}", e.name, e.value, e.deviation));
+    let told = response.estimates.iter().map(|e| match e.deviation {
+        Some(deviation) => format!("{} = {:.6} ± {deviation:.1e}", e.name, e.value),
+        None => format!("{} = {:.6}, its bound", e.name, e.value),
+    });
     Figure {
         title: if title.is_empty() { info.model.clone() } else { title.to_owned() },
         subtitle: told.collect::<Vec<String>>().join(", "),

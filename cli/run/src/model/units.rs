@@ -1,8 +1,24 @@
-//! Units in documentation: `Angular velocity [rad/s].`
+//! Units in documentation: `Angular velocity [rad/s].`; units of the names of a model.
 //!
-//! Does not know: models, what a unit means.
+//! Does not know: what a unit means.
 
+use std::sync::LazyLock;
+
+use hamel_codegen::spec::Unit;
+
+use super::Model;
 use super::spelling::upper_first;
+
+/// The unit of the time: that of the model, else the second.
+pub fn of_time(model: &Model) -> Option<&Unit> {
+    static SECOND: LazyLock<Option<Unit>> = LazyLock::new(|| Unit::declared("s"));
+    model.units.time().or(SECOND.as_ref())
+}
+
+/// The unit of a column of a table: of `t`, or of a parameter, an input or a state variable.
+pub fn of_column<'m>(model: &'m Model, name: &str) -> Option<&'m Unit> {
+    if name == "t" { of_time(model) } else { model.units.of(name) }
+}
 
 /// Splits `Angular velocity [rad/s].` into text and the unit at a position, the last unit when there are fewer.
 ///

@@ -5,6 +5,7 @@
 mod eval;
 pub mod json;
 pub mod share;
+mod sheet;
 pub mod simulate;
 pub mod sizes;
 pub mod table;

@@ -1,17 +1,28 @@
-//! Tables of numbers: a line of names, then lines of numbers, separated by commas.
+//! Tables of numbers, as people and instruments write them.
 //!
 //! Does not know: what the numbers are.
 
 use std::path::{Path, PathBuf};
 
+use hamel_codegen::spec::Unit;
+
+use super::sheet::{Sheet, unit};
 use crate::error::{Error, Problem};
 
-/// A table as its file has it.
+/// A table as its file has it: a line of names, and lines of numbers.
+///
+/// Numbers are separated by commas, semicolons, tabs or blanks; the latter three leave the comma for decimals. Lines
+/// before that of the names, and lines that begin with `#`, `%` or `//`, are passed over; names that stand behind `#`
+/// count. A unit stands behind a name in brackets or parentheses, or in a line below. Cells may lack a value: empty,
+/// `NA`, `NaN`, `null`, `-`, `?`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     path: PathBuf,
-    /// The names of its columns.
+    /// The names of its columns, without units.
     pub names: Vec<String>,
+    /// The same as the file has them.
+    headers: Vec<String>,
+    units: Vec<Option<Unit>>,
     rows: Vec<Row>,
 }
 
@@ -20,7 +31,7 @@ pub struct Table {
 struct Row {
     /// Number of the line in the file, from one on.
     line: usize,
-    /// Cells; none where one is empty.
+    /// Cells; none where one has no value.
     cells: Vec<Option<f64>>,
 }
 
@@ -28,48 +39,46 @@ struct Row {
 const MAX_PROBLEMS: usize = 20;
 
 impl Table {
-    /// Reads a file; cells may be empty.
+    /// Reads a file in UTF-8, in UTF-16 with its mark, or else in Latin-1.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Request`] with every bad cell.
     pub fn read(path: &Path) -> Result<Table, Error> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path.display().to_string(), e))?;
-        Table::parse(path, &text)
+        let bytes = std::fs::read(path).map_err(|e| Error::io(path.display().to_string(), e))?;
+        Table::parse(path, &decoded(bytes))
     }
 
     pub(super) fn parse(path: &Path, text: &str) -> Result<Table, Error> {
-        let text = text.trim_start_matches('\u{feff}');
-        let mut reader = csv::ReaderBuilder::new();
-        let mut reader =
-            reader.has_headers(false).flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
-        let mut table = Table { path: path.to_owned(), names: Vec::new(), rows: Vec::new() };
+        let sheet = Sheet::of(text);
+        let (headers, units) = sheet.headers();
+        let mut table = Table { path: path.to_owned(), names: Vec::new(), headers, units, rows: Vec::new() };
+        table.names = table.headers.clone();
+        for (name, unit) in table.names.iter_mut().zip(&mut table.units) {
+            if let Some((own, text)) = unit_behind(name) {
+                *unit = Some(text);
+                *name = own;
+            }
+        }
         let mut problems = Vec::new();
-        let (mut line, mut counted) = (1, 0);
-        for texts in reader.records() {
-            let texts = texts.map_err(|e| Error::io(path.display().to_string(), e.into()))?;
-            if texts.iter().eq([""]) {
-                continue;
-            }
-            // A record begins where the one before ends, with the empty lines between them.
-            let before = texts.position().map_or(counted, |position| position.byte() as usize);
-            let start = text.len() - text[before..].trim_start().len();
-            line += text[counted..start].matches('\n').count();
-            counted = start;
-            if table.names.is_empty() {
-                table.names = texts.iter().map(str::to_owned).collect();
-                continue;
-            }
+        let mut decimal: Option<(char, usize)> = None;
+        for (line, texts) in sheet.data() {
             let mut complain = |reason: String| problems.push(table.problem(line, reason));
             if texts.len() != table.names.len() {
                 let (found, wanted) = (texts.len(), table.names.len());
                 complain(format!("has {found} values for {wanted} names: give one for each"));
             }
             let mut cells = Vec::with_capacity(texts.len());
-            for text in &texts {
-                match number(text) {
-                    _ if text.is_empty() => cells.push(None),
-                    Ok(x) => cells.push(Some(x)),
+            for text in texts {
+                match sheet.number(text) {
+                    Ok(cell) => cells.push(cell),
                     Err(reason) => complain(reason),
+                }
+                let Some(mark) = text.chars().find(|c| matches!(c, '.' | ',')) else { continue };
+                match decimal {
+                    Some((other, before)) if other != mark => complain(format!(
+                        "has {text:?}, but line {before} has `{other}` for decimals: write all of them in one way"
+                    )),
+                    _ => decimal = Some((mark, line)),
                 }
             }
             table.rows.push(Row { line, cells });
@@ -88,20 +97,73 @@ impl Table {
         self.problem(self.rows[row].line, reason)
     }
 
+    /// The places of the columns with a name, or with a header as the file has it.
+    pub fn places(&self, header: &str) -> Vec<usize> {
+        let is_named =
+            |names: &[String]| -> Vec<usize> { (0..names.len()).filter(|k| names[*k] == header).collect() };
+        let places = is_named(&self.names);
+        if places.is_empty() { is_named(&self.headers) } else { places }
+    }
+
+    /// By how much the numbers of a column are multiplied to be in the unit of a quantity of a model, `own`, and the
+    /// unit of the column; nothing where the column says no unit.
+    ///
+    /// # Errors
+    /// A unit that cannot be converted.
+    pub fn factor(
+        &self,
+        column: usize,
+        name: &str,
+        own: Option<&Unit>,
+    ) -> Result<Option<(f64, &str)>, Problem> {
+        let Some(unit) = &self.units[column] else { return Ok(None) };
+        let text = unit.text();
+        let refused = |reason: String| {
+            let path = format!("column {} of {}", self.names[column], self.path.display());
+            Err(Problem::Unusable { path, reason })
+        };
+        match own {
+            Some(own) => match unit.in_units_of(own) {
+                Some(factor) => Ok(Some((factor, text))),
+                None => refused(format!(
+                    "is in {text}, which is no multiple of {}, the unit of {name}: convert the column",
+                    own.text()
+                )),
+            },
+            None if unit.factor() == 1.0 => Ok(Some((1.0, text))),
+            None => refused(format!(
+                "is in {text}, and no unit of {name} is known: write one into its doc comment, as in `/// Place [m].`, \
+                 or convert the column"
+            )),
+        }
+    }
+
     /// The cells of all rows.
     pub fn rows(&self) -> impl ExactSizeIterator<Item = &[Option<f64>]> {
         self.rows.iter().map(|row| row.cells.as_slice())
     }
 
-    /// Names and rows of a table without empty cells.
+    /// Names and rows of a table in which every cell has a value; columns with a unit are converted to that of the
+    /// quantity of the same name.
     ///
     /// # Errors
-    /// [`Error::Request`] with the rows that have some.
-    pub fn full(self) -> Result<(Vec<String>, Vec<Vec<f64>>), Error> {
+    /// [`Error::Request`] with the rows that lack some, and with units that cannot be converted.
+    pub fn full<'u>(
+        self,
+        unit_of: impl Fn(&str) -> Option<&'u Unit>,
+    ) -> Result<(Vec<String>, Vec<Vec<f64>>), Error> {
         let mut problems = Vec::new();
+        let mut factors = vec![1.0; self.names.len()];
+        for (k, name) in self.names.iter().enumerate() {
+            match self.factor(k, name, unit_of(name)) {
+                Ok(factor) => factors[k] = factor.map_or(1.0, |(factor, _)| factor),
+                Err(problem) => problems.push(problem),
+            }
+        }
         let mut rows = Vec::with_capacity(self.rows.len());
         for (row, cells) in self.rows().enumerate() {
-            match cells.iter().copied().collect::<Option<Vec<f64>>>() {
+            let numbers = cells.iter().zip(&factors).map(|(cell, factor)| Some((*cell)? * factor));
+            match numbers.collect::<Option<Vec<f64>>>() {
                 Some(numbers) => rows.push(numbers),
                 None => problems.push(self.problem_in_row(row, "has an empty cell: give a number".into())),
             }
@@ -111,46 +173,141 @@ impl Table {
     }
 }
 
-/// A finite number.
-///
-/// # Errors
-/// That it is none.
-pub(super) fn number(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(x) if x.is_finite() => Ok(x),
-        _ => Err(format!("{text:?} is not a finite number")),
+/// The text of a file: UTF-16 has a mark, and what is not UTF-8 is taken as Latin-1, which every byte belongs to.
+fn decoded(bytes: Vec<u8>) -> String {
+    let wide = |order: fn([u8; 2]) -> u16| {
+        let units: Vec<u16> = bytes[2..].chunks_exact(2).map(|pair| order([pair[0], pair[1]])).collect();
+        String::from_utf16_lossy(&units)
+    };
+    match bytes.get(..2) {
+        Some([0xff, 0xfe]) => return wide(u16::from_le_bytes),
+        Some([0xfe, 0xff]) => return wide(u16::from_be_bytes),
+        _ => {}
     }
+    String::from_utf8(bytes).unwrap_or_else(|error| error.into_bytes().into_iter().map(char::from).collect())
+}
+
+/// A header without the unit behind it, `Omega1 [rad/s]` or `x (mm)`, and the unit.
+fn unit_behind(header: &str) -> Option<(String, Unit)> {
+    let (open, inner) = match header.strip_suffix(']') {
+        Some(inner) => ('[', inner),
+        None => ('(', header.strip_suffix(')')?),
+    };
+    let (name, text) = inner.rsplit_once(open)?;
+    let name = name.trim();
+    (!name.is_empty()).then(|| Some((name.to_owned(), unit(text)?)))?
 }
 
 #[cfg(test)]
 mod tests {
     use std::path::Path;
 
-    use super::Table;
+    use hamel_codegen::spec::Unit;
+
+    use super::{Table, decoded};
 
     fn parse(text: &str) -> Result<Table, String> {
         Table::parse(Path::new("starts.csv"), text).map_err(|e| e.to_string())
     }
 
+    fn full(text: &str) -> Result<(Vec<String>, Vec<Vec<f64>>), String> {
+        parse(text)?.full(|_| None).map_err(|e| e.to_string())
+    }
+
     #[test]
     fn tables_name_every_bad_cell() {
-        let (names, rows) = parse("\u{feff}m, Omega1\n1,2\n\n3.5,-4e-1\n").unwrap().full().unwrap();
+        let (names, rows) = full("\u{feff}m, Omega1\n1,2\n\n3.5,-4e-1\n").unwrap();
         assert_eq!((names, rows), (vec!["m".into(), "Omega1".into()], vec![vec![1.0, 2.0], vec![3.5, -0.4]]));
-        let message = parse("m,l\n1\nx,2\n1,nan\n").unwrap_err();
-        for line in ["starts.csv:2 has 1 values for 2 names", "starts.csv:3 \"x\"", "starts.csv:4 \"nan\""] {
+        let message = parse("m,l\n1\nx,2\n1,inf\n").unwrap_err();
+        for line in ["starts.csv:2 has 1 values for 2 names", "starts.csv:3 \"x\"", "starts.csv:4 \"inf\""] {
             assert!(message.contains(line), "{message}");
         }
     }
 
     #[test]
     fn empty_cells_are_told_apart_from_numbers() {
-        let table = parse("t,x,y\n0, ,2\n\n1,3,\n").unwrap();
+        let text = "t,x,y\n0, ,2\n\n1,3,NaN\n2,n/a,-\n";
+        let table = parse(text).unwrap();
         let rows: Vec<&[Option<f64>]> = table.rows().collect();
-        assert_eq!(rows, [[Some(0.0), None, Some(2.0)], [Some(1.0), Some(3.0), None]]);
-        let message = table.full().unwrap_err().to_string();
+        assert_eq!(
+            rows,
+            [[Some(0.0), None, Some(2.0)], [Some(1.0), Some(3.0), None], [Some(2.0), None, None]]
+        );
+        let message = full(text).unwrap_err();
         assert!(
             message.contains("starts.csv:2 has an empty cell") && message.contains("starts.csv:4"),
             "{message}"
+        );
+    }
+
+    /// The same numbers as instruments and spreadsheets write them.
+    #[test]
+    fn instruments_write_the_same_table_in_many_ways() {
+        let expected = (vec!["t".to_owned(), "x".to_owned()], vec![vec![0.0, 1.5], vec![0.25, -2e-3]]);
+        for text in [
+            "t,x\n0,1.5\n0.25,-2e-3\n",
+            "t;x\r\n0;1,5\r\n0,25;-2e-3\r\n",
+            "t\tx\n0\t1.5\n0.25\t-2e-3\n",
+            "  t    x\n  0    1.5\n  0.25 -2e-3",
+            "# t x\n0 1.5\n0.25 -2e-3\n",
+            "# a motion\n# t,x\n0,1.5\n% a note\n0.25,-2e-3\n// the end\n",
+            "Device,SN 123\nSampling rate,100\n\nt,x\n0,1.5\n0.25,-2e-3\n",
+            "\"t\",\"x\"\n\"0\",\"1.5\"\n\"0.25\",\"-2e-3\"\n",
+            "t,x,\n0,1.5,\n0.25,-2e-3,\n",
+            "t [s],x (m)\n0,1.5\n0.25,-2e-3\n",
+            "t,x\ns,m\n0,1.5\n0.25,-2e-3\n",
+            "t,x\n[s],[m]\n0,1.5\n0.25,-2e-3\n",
+        ] {
+            assert_eq!(full(text).unwrap_or_else(|e| panic!("{text}: {e}")), expected, "{text}");
+        }
+        let wide: Vec<u8> =
+            "\u{feff}t\tx\n0\t1.5\n0.25\t-2e-3\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+        assert_eq!(full(&decoded(wide)).unwrap(), expected);
+        assert_eq!(decoded(b"x [\xb5m]".to_vec()), "x [\u{b5}m]");
+    }
+
+    #[test]
+    fn commas_and_points_for_decimals_are_not_mixed() {
+        let message = parse("t;x\n0;1,5\n0.25;2\n").unwrap_err();
+        assert!(message.contains("starts.csv:3 has \"0.25\", but line 2 has `,` for decimals"), "{message}");
+        // A point and a comma in one number are thousands to some and nothing to others.
+        assert!(parse("t;x\n0;1\n1;1,234.5\n").unwrap_err().contains("starts.csv:3"));
+    }
+
+    #[test]
+    fn columns_are_converted_to_the_units_of_the_model() {
+        let known = |name: &str| Unit::declared(["m", "rad/s"][usize::from(name != "x")]).unwrap();
+        let (x, w) = (known("x"), known("w"));
+        let unit_of = |name: &str| if name == "x" { Some(&x) } else { Some(&w) };
+        let converted = |text: &str| parse(text)?.full(unit_of).map_err(|e| e.to_string());
+        let (names, rows) = converted("x [mm],w (rpm)\n500,60\n").unwrap();
+        assert_eq!(names, ["x", "w"]);
+        assert!(
+            (rows[0][0] - 0.5).abs() < 1e-15 && (rows[0][1] - std::f64::consts::TAU).abs() < 1e-15,
+            "{rows:?}"
+        );
+        let (_, rows) = converted("x,w\ncm,\u{b0}\u{b7}s\u{207b}\u{b9}\n5,180\n").unwrap();
+        assert!((rows[0][0] - 0.05).abs() < 1e-15 && (rows[0][1] - std::f64::consts::PI).abs() < 1e-15);
+        for (text, words) in [
+            ("x [s],w\n1,1\n", "column x of starts.csv is in s, which is no multiple of m"),
+            // Turns or radians: nobody knows.
+            ("x,w [Hz]\n1,1\n", "column w of starts.csv is in Hz, which is no multiple of rad/s"),
+        ] {
+            let message = converted(text).unwrap_err();
+            assert!(message.contains(words), "{message}");
+        }
+        let message = full("x [mm]\n1\n").unwrap_err();
+        assert!(message.contains("no unit of x is known"), "{message}");
+        // What is no unit is part of the name.
+        assert_eq!(full("x (left)\n1\n").unwrap().0, ["x (left)"]);
+    }
+
+    #[test]
+    fn headers_are_found_with_their_units_and_without() {
+        let table = parse("t [s],x [mm]\n0,1\n").unwrap();
+        assert_eq!(
+            (table.places("x"), table.places("x [mm]"), table.places("y")),
+            (vec![1], vec![1], vec![])
         );
     }
 }

@@ -6,7 +6,7 @@ use std::fmt;
 
 use hamel_expr::split_mix;
 
-use super::table::number;
+use super::sheet::number;
 
 /// An interval, along which a quantity or its logarithm is uniform.
 #[derive(Clone, Copy, Debug, PartialEq)]

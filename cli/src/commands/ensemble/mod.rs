@@ -29,7 +29,7 @@ use hamel_run::integrate::has_state;
 use hamel_run::interpreted;
 use hamel_run::interrupts;
 use hamel_run::members::Beginnings;
-use hamel_run::model;
+use hamel_run::model::{self, units};
 use hamel_run::noise::{Noise, method_for};
 use hamel_run::ranks::Ranks;
 use hamel_run::request::table::Table;
@@ -61,11 +61,11 @@ fn chunk_of(n_numbers: usize) -> usize {
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let file = arguments.scene.find(session)?;
     let mut choice = arguments.scene.choice_of(&file)?;
+    let model = file.model()?;
     let lines = match &arguments.table {
-        Some(path) => Lines::of(Table::read(path)?.full()?),
+        Some(path) => Lines::of(Table::read(path)?.full(|name| units::of_column(model, name))?),
         None => Lines::none(),
     };
-    let model = file.model()?;
     arguments.noise.chooses(&mut choice, model);
     // Chooses initial states, here and on all threads; it agrees bit for bit with the compiled scene.
     let mut built = interpreted::build(model, &choice.scene)?;

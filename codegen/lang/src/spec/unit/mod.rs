@@ -6,7 +6,7 @@ mod dimension;
 
 use std::collections::BTreeMap;
 
-use num_traits::ToPrimitive as _;
+use num_traits::{ToPrimitive as _, Zero as _};
 
 use self::dimension::Measure;
 
@@ -22,8 +22,8 @@ pub struct Unit {
 }
 
 impl Unit {
-    /// One as it stands in a doc comment; nothing where it is no product of powers of units.
-    pub(in crate::spec) fn declared(text: &str) -> Option<Unit> {
+    /// One as it stands in a doc comment, or in a table; nothing where it is no product of powers of units.
+    pub fn declared(text: &str) -> Option<Unit> {
         let measure = Measure::parse(text)?;
         let text = if text == "-" { "1" } else { text };
         Some(Unit { text: text.to_owned(), measure, is_inferred: false })
@@ -58,6 +58,17 @@ impl Unit {
     /// How many of the product of base units it is: a millimetre is 0.001.
     pub fn factor(&self) -> f64 {
         self.measure.factor
+    }
+
+    /// How many of another one it is: a millimetre is 0.001 m; nothing where the dimensions differ. A radian counts as
+    /// one, but hertz are not compared with angular velocities: they count turns.
+    pub fn in_units_of(&self, other: &Unit) -> Option<f64> {
+        let counts_turns = |unit: &Unit| unit.text.contains("Hz") && unit.measure.angle.is_zero();
+        let mixes = [(self, other), (other, self)]
+            .iter()
+            .any(|(one, other)| counts_turns(one) && !other.measure.angle.is_zero());
+        let is_same = self.dimension() == other.dimension() && !mixes;
+        is_same.then(|| self.factor() / other.factor())
     }
 
     /// That of the rate, in seconds.

@@ -18,6 +18,38 @@ pub struct Verdict {
     pub explained: f64,
     /// Whether what is left is a large part of the spread and no error of measurement.
     pub is_poor: bool,
+    /// The sum of squares against the given errors, where all are given.
+    pub chi_square: Option<ChiSquare>,
+}
+
+/// Probability of a sum of squares below which errors of the given size do not explain it.
+const IMPROBABLE: f64 = 1e-3;
+
+/// A sum of squares in units of the standard deviations of errors.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ChiSquare {
+    /// For each degree of freedom: about one where model and errors are right.
+    pub per_freedom: f64,
+    /// The probability that independent normal errors alone leave at least as much.
+    pub probability: f64,
+}
+
+impl ChiSquare {
+    /// Of a sum over degrees of freedom.
+    ///
+    /// # Source
+    /// Wilson and Hilferty, The distribution of chi-square (1931): its cube root is nearly normal.
+    pub(super) fn of(sum: f64, freedom: usize) -> ChiSquare {
+        let n = freedom.max(1) as f64;
+        let (per_freedom, variance) = (sum / n, 2.0 / (9.0 * n));
+        let z = (per_freedom.cbrt() - (1.0 - variance)) / variance.sqrt();
+        ChiSquare { per_freedom, probability: libm::erfc(z / std::f64::consts::SQRT_2) / 2.0 }
+    }
+
+    /// Whether errors of the given size may leave as much.
+    pub fn is_explained(&self) -> bool {
+        self.probability >= IMPROBABLE
+    }
 }
 
 /// A column of a table.
@@ -59,12 +91,27 @@ impl Verdict {
             };
             is_poor |= ratio > SUSPICIOUS && !are_errors;
         }
-        Verdict { explained: if n_all > 0.0 { 1.0 - left / n_all } else { 1.0 }, is_poor }
+        Verdict { explained: if n_all > 0.0 { 1.0 - left / n_all } else { 1.0 }, is_poor, chi_square: None }
     }
 
-    /// A line for people.
+    /// Whether the residuals may be errors of the measurements.
+    pub fn fits(&self) -> bool {
+        !self.is_poor && self.chi_square.is_none_or(|chi_square| chi_square.is_explained())
+    }
+
+    /// Lines for people.
     pub fn text(&self) -> String {
-        format!("the motion explains {:.4} % of the spread of the data", 100.0 * self.explained)
+        let explained =
+            format!("the motion explains {:.4} % of the spread of the data", 100.0 * self.explained);
+        let Some(ChiSquare { per_freedom, probability }) = self.chi_square.filter(|c| !c.is_explained())
+        else {
+            return explained;
+        };
+        format!(
+            "{explained}\n  the residuals are larger than --sigma says (probability {probability:.0e}): the model lacks \
+             something, or\n  errors are larger; standard errors are about {:.1} times too small",
+            per_freedom.sqrt()
+        )
     }
 
     /// Why a fit is none.
@@ -80,7 +127,7 @@ impl Verdict {
 
 #[cfg(test)]
 mod tests {
-    use super::Verdict;
+    use super::{ChiSquare, Verdict};
 
     fn of(residual: impl Fn(usize) -> f64, sigma: Option<f64>) -> Verdict {
         let cells = (0..200).map(|k| ((0.1 * k as f64).sin(), residual(k))).collect();
@@ -102,5 +149,17 @@ mod tests {
         let noise = |k: usize| if k * k % 7 < 3 { 0.5 } else { -0.5 };
         assert!(!of(noise, None).is_poor);
         assert!(!of(|k| 0.5 * (0.13 * k as f64).sin(), Some(0.4)).is_poor);
+    }
+
+    /// Quantiles of chi-square from tables: 95 % and 99.9 % of 1, 10 and 100 degrees of freedom.
+    #[test]
+    fn probabilities_are_those_of_tables() {
+        for (freedom, at_95, at_999) in [(1, 3.841, 10.828), (10, 18.307, 29.588), (100, 124.342, 149.449)] {
+            let upper = ChiSquare::of(at_95, freedom).probability;
+            assert!((upper - 0.05).abs() < 2e-3, "{freedom}: {upper}");
+            let upper = ChiSquare::of(at_999, freedom).probability;
+            assert!((upper - 1e-3).abs() < 2e-4, "{freedom}: {upper}");
+        }
+        assert!(ChiSquare::of(100.0, 100).is_explained() && !ChiSquare::of(200.0, 100).is_explained());
     }
 }
