@@ -344,8 +344,9 @@ fn figures_show_the_values_and_the_curve() {
     assert_eq!(code, Some(0), "{message}");
     assert!(summary.contains(&format!("wrote {svg}")), "{summary}");
     let figure = std::fs::read_to_string(&svg).unwrap();
-    assert_eq!(figure.matches("<circle").count(), 12, "{figure}");
-    assert!(figure.contains("fitted") && figure.contains("k = "));
+    // Eleven values, one of the other column, and one in each legend.
+    assert_eq!(figure.matches("<circle").count(), 14, "{figure}");
+    assert!(figure.contains("fitted") && figure.contains("measured") && figure.contains("k = "));
 }
 
 fn book() -> PathBuf {
@@ -392,4 +393,193 @@ fn the_table_of_the_book_is_a_simulation_with_errors() {
     }
     let ratio = answer["sum_of_squares"].as_f64().unwrap() / answer["degrees_of_freedom"].as_f64().unwrap();
     assert!((0.75..1.3).contains(&ratio), "{answer}");
+}
+
+/// The motion of [`motion`] in other units and marks, and times in milliseconds from another origin.
+#[test]
+fn tables_of_instruments_are_read_in_the_units_of_the_model() {
+    let text = OSCILLATOR.replace("    coordinate x", "    /// Place [m].\n    coordinate x");
+    let model = file("instrument.hamel", &text);
+    let mut table = "Logger;SN 12\nchannels;2\n\nt (ms);x [cm];room\n".to_owned();
+    for (k, (t, x)) in motion(5.3, 40).into_iter().enumerate() {
+        let x = if k == 7 { "NaN".to_owned() } else { format!("{:?}", 100.0 * x).replace('.', ",") };
+        writeln!(table, "{};{x};warm", format!("{:?}", 1e3 * (t + 2.0)).replace('.', ",")).unwrap();
+    }
+    let data = file("instrument.csv", &table);
+    let options = ["--t0", "2000", "--columns", "x", "--free", "k"];
+    let arguments = [&[&*model, "--data", &data][..], &options, &START].concat();
+    let answer = fit_json(&arguments);
+    assert!((estimate(&answer, "k", "value") - 5.3).abs() < 1e-8, "{answer}");
+    assert_eq!(answer["columns"]["x"]["values"], 39);
+    let (_, summary, _) = hamel(&[&["fit"], &arguments[..]].concat());
+    for told in ["t is in ms and was multiplied by 0.001", "x is in cm and was multiplied by 0.01"] {
+        assert!(summary.contains(told), "{summary}");
+    }
+    // Words have no values, and a unit has to be one of the quantity.
+    let words = ["--data", &data, "--free", "k", "--columns", "x=room", "--t0", "2000"];
+    refused(&[&[&*model][..], &words].concat(), 2, &["has no value of x"]);
+    let data = file("unit.csv", "t,x [kg]\n0,1\n1,2\n");
+    refused(
+        &[&*model, "--data", &data, "--free", "k"],
+        2,
+        &["is in kg, which is no multiple of m, the unit of x"],
+    );
+    let plain = file("plain.hamel", OSCILLATOR);
+    let data = file("unknown_unit.csv", "t,x [mm]\n0,1\n1,2\n");
+    refused(
+        &[&plain, "--data", &data, "--free", "k"],
+        2,
+        &["is in mm, and no unit of x is known", "/// Place [m]."],
+    );
+}
+
+/// Inputs from a table are in the units of the model as well: a constant push in kilonewtons and milliseconds.
+#[test]
+fn tables_of_inputs_and_starts_have_units() {
+    let text = "model cart {
+        /// Mass [kg].
+        param m = 2;
+        /// Force [N].
+        input u = 0;
+        /// Place [m].
+        coordinate x in real;
+        lagrangian = m*x_dot^2/2;
+        force x_dot = u;
+        initial x = 0;
+        initial x_dot = 0;
+    }";
+    let model = file("cart.hamel", text);
+    let table = file("push.csv", "# a push\nt,u\nms,kN\n0,0.004\n1000,0.004\n");
+    let out = file("cart.csv", "");
+    let scene = ["--scene", "controlled", "--input", &table];
+    let (code, _, message) = hamel(
+        &[&["simulate", &*model][..], &scene, &["--t-final", "1", "--samples", "2", "-o", &out]].concat(),
+    );
+    assert_eq!(code, Some(0), "{message}");
+    let last = std::fs::read_to_string(&out).unwrap().lines().last().unwrap().to_owned();
+    let x: f64 = last.split(',').nth(1).unwrap().parse().unwrap();
+    assert!((x - 1.0).abs() < 1e-9, "{last}");
+    let lines = file("starts.csv", "m [g]\n500\n");
+    let (code, _, message) = hamel(&["ensemble", &model, "--table", &lines, "--t-final", "1", "-o", &out]);
+    assert_eq!(code, Some(0), "{message}");
+    let text = std::fs::read_to_string(&out).unwrap();
+    assert!(text.contains("0.5"), "{text}");
+}
+
+#[test]
+fn bounds_hold_a_value_without_an_error_of_its_own() {
+    let model = file("bounds.hamel", OSCILLATOR);
+    let mut text = "t,x\n".to_owned();
+    motion(5.3, 40).iter().for_each(|(t, x)| writeln!(text, "{t:?},{x:?}").unwrap());
+    let data = file("bounds.csv", &text);
+    let with = |bounds: &'static str| {
+        let options = ["--free", "k,x_dot", "--initial", "x=0.3", "--bounds", bounds];
+        [&[&*model, "--data", &data][..], &options].concat()
+    };
+    let answer = fit_json(&with("k=1..5"));
+    assert_eq!(estimate(&answer, "k", "value"), 5.0);
+    assert!(
+        answer["estimates"]["k"]["error"].is_null() && estimate(&answer, "x_dot", "error") > 0.0,
+        "{answer}"
+    );
+    assert_eq!(answer["degrees_of_freedom"], 39);
+    let (_, summary, _) = hamel(&[&["fit"], &with("k=1..5")[..]].concat());
+    assert!(summary.contains("at its bound"), "{summary}");
+    // An interval that has the minimum inside changes nothing.
+    let answer = fit_json(&with("k=..100"));
+    assert!((estimate(&answer, "k", "value") - 5.3).abs() < 1e-8, "{answer}");
+    refused(&with("k=5..6"), 2, &["keeps k within 5.0..6.0", "k = 4.0", "--set"]);
+    refused(&with("k=6..5"), 2, &["the interval 6..5 is empty"]);
+    refused(&with("m=1..2"), 2, &["--bounds has no free name `m`", "k, x_dot"]);
+}
+
+/// With initial values alone free, the problem is linear: a prior adds `1/s^2` to the normal equations, and its mean.
+#[test]
+fn priors_are_measurements_of_their_own() {
+    let model = file("prior.hamel", OSCILLATOR);
+    let (mut noise, sigma, mut text) = (Noise(5), 0.02, "t,x\n".to_owned());
+    let mut values = Vec::new();
+    for (t, x) in motion(4.0, 20) {
+        let x = x + sigma * noise.next();
+        writeln!(text, "{t:?},{x:?}").unwrap();
+        values.push([(2.0 * t).cos(), (2.0 * t).sin() / 2.0, x]);
+    }
+    let data = file("prior.csv", &text);
+    let options = ["--free", "x,x_dot", "--prior", "x_dot=-0.45+-0.01"];
+    let arguments = [&[&*model, "--data", &data][..], &options].concat();
+    refused(&arguments, 2, &["a prior counts beside errors of the data", "--sigma"]);
+    let answer = fit_json(&[&arguments[..], &["--sigma", "x=0.02"]].concat());
+    let sum = |i: usize, j: usize| values.iter().map(|v| v[i] * v[j]).sum::<f64>() / (sigma * sigma);
+    let (a, b, c) = (sum(0, 0), sum(0, 1), sum(1, 1) + 1e4);
+    let (f, g) = (sum(0, 2), sum(1, 2) - 0.45e4);
+    let determinant = a * c - b * b;
+    let expected = [
+        ("x", (c * f - b * g) / determinant, (c / determinant).sqrt()),
+        ("x_dot", (a * g - b * f) / determinant, (a / determinant).sqrt()),
+    ];
+    for (name, value, error) in expected {
+        assert!((estimate(&answer, name, "value") - value).abs() < 1e-8, "{name}: {answer} {value}");
+        assert!((estimate(&answer, name, "error") / error - 1.0).abs() < 1e-7, "{name}: {answer} {error}");
+    }
+    assert_eq!(answer["degrees_of_freedom"], 19);
+    assert!(
+        answer["fits"] == true && answer["chi_square"]["probability"].as_f64().unwrap() > 1e-3,
+        "{answer}"
+    );
+    // Errors a fifth as large as they are: said, and counted against the fit.
+    let small = [&[&*model, "--data", &data, "--free", "x,x_dot", "--sigma", "x=0.004"][..]].concat();
+    let answer = fit_json(&small);
+    assert_eq!(answer["fits"], false, "{answer}");
+    let (_, summary, _) = hamel(&[&["fit"], &small[..]].concat());
+    assert!(summary.contains("the residuals are larger than --sigma says"), "{summary}");
+}
+
+/// Of a fast oscillation, measured late, the sum of squares has a minimum at every other number of turns.
+#[test]
+fn further_starts_find_the_minimum_that_one_start_misses() {
+    let model = file("restarts.hamel", OSCILLATOR);
+    let mut text = "t,x\n".to_owned();
+    let late = motion(400.0, 200).into_iter().filter(|(t, _)| *t > 2.0);
+    late.for_each(|(t, x)| writeln!(text, "{t:?},{x:?}").unwrap());
+    let data = file("restarts.csv", &text);
+    let one = [&[&*model, "--data", &data, "--free", "k", "--bounds", "k=0.1..1000"][..], &START].concat();
+    refused(&one, 1, &["of the spread of the data"]);
+    let answer = fit_json(&[&one[..], &["--restarts", "20"]].concat());
+    assert!((estimate(&answer, "k", "value") - 400.0).abs() < 1e-6, "{answer}");
+    let starts = answer["starts"].as_array().unwrap();
+    assert_eq!(starts.len(), 21);
+    let (_, summary, _) = hamel(&[&["fit"], &one[..], &["--restarts", "20"]].concat());
+    assert!(summary.contains("of 21 starts"), "{summary}");
+}
+
+/// Two pendulums that hang from each other, over a time in which neighbouring motions part a hundredfold.
+const PENDULUMS: &str = "model pendulums {
+    param l = 1 where l > 0;
+    param m = 1 where m > 0;
+    coordinate a in angle;
+    coordinate b in angle;
+    let v = [a_dot*cos(a), a_dot*sin(a)];
+    let w = v + [l*b_dot*cos(b), l*b_dot*sin(b)];
+    lagrangian = dot(v, v)/2 + m*dot(w, w)/2 + 9.81*((1 + m)*cos(a) + m*l*cos(b));
+    initial a = 2;
+    initial b = 2.5;
+    initial a_dot = 0;
+    initial b_dot = 0;
+}";
+
+#[test]
+fn pieces_that_start_on_their_own_find_a_chaotic_motion() {
+    let model = file("pendulums.hamel", PENDULUMS);
+    let out = file("pendulums.csv", "");
+    let motion = ["--set", "l=0.8", "m=1.3", "--t-final", "4", "--samples", "81", "-o", &out];
+    let (code, _, message) = hamel(&[&["simulate", &*model][..], &motion].concat());
+    assert_eq!(code, Some(0), "{message}");
+    let options = ["--free", "l,m", "--columns", "a,b", "--segments", "8", "--rtol", "1e-8"];
+    let answer = fit_json(&[&[&*model, "--data", &out][..], &options].concat());
+    for (name, exact) in [("l", 0.8), ("m", 1.3)] {
+        assert!((estimate(&answer, name, "value") - exact).abs() < 1e-5, "{answer}");
+    }
+    let pair = file("restricted.hamel", PAIR);
+    let data = file("restricted.csv", "t,x\n0,0.3\n1,0.1\n2,0.2\n");
+    refused(&[&pair, "--data", &data, "--free", "x", "--segments", "2"], 2, &["segments start at states"]);
 }

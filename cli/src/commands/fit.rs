@@ -77,10 +77,10 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
     pub sigma: Vec<(String, f64)>,
     /// Intervals that unknowns are kept in; either end may be left out
-    #[arg(long, value_name = "NAME=FROM..TO", num_args = 1.., value_parser = interval, allow_hyphen_values = true)]
+    #[arg(long, value_name = "NAME=FROM..TO", num_args = 1.., value_parser = interval)]
     pub bounds: Vec<(String, [f64; 2])>,
     /// What is known of unknowns beforehand, with its standard deviation; needs --sigma
-    #[arg(long, value_name = "NAME=VALUE+-ERROR", num_args = 1.., value_parser = prior, allow_hyphen_values = true)]
+    #[arg(long, value_name = "NAME=VALUE+-ERROR", num_args = 1.., value_parser = prior)]
     pub prior: Vec<(String, Prior)>,
     /// Further points to start from, always the same: within --bounds and --prior, else within a factor of three
     #[arg(long, value_name = "N", default_value_t = 0)]

@@ -81,6 +81,7 @@ fn figure(fitted: &Fitted<'_>) -> Figure {
             title: heading(fitted, column),
             lines: vec![("fitted".to_owned(), curve.clone())],
             points: vec![points],
+            points_name: "measured".to_owned(),
             ..Panel::default()
         }
     };

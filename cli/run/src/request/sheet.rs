@@ -39,16 +39,38 @@ impl Sheet {
         let mut narrow = None;
         for separator in Separator::ALL {
             match Sheet::new(text, separator) {
-                Some(sheet) if sheet.names.len() > 1 => return sheet,
+                Some(sheet) if sheet.names.len() > 1 && sheet.is_full() => return sheet,
                 found => narrow = narrow.or(found),
             }
         }
-        narrow.unwrap_or_else(|| {
-            // No line has numbers alone; what is wrong is told line by line.
-            let lines = cells(text, Separator::Comma);
-            let names = lines.first().map(|(_, names)| names.clone()).unwrap_or_default();
-            Sheet { separator: Separator::Comma, first: lines.len().min(1), lines, names, units: Vec::new() }
-        })
+        narrow.unwrap_or_else(|| Sheet::with_words(text))
+    }
+
+    /// Where no line has numbers alone: under the first of the lines with as many cells as most lines have, more than
+    /// one, with the separator for which there are most of these.
+    fn with_words(text: &str) -> Sheet {
+        let mut best: Option<(usize, Sheet)> = None;
+        for separator in Separator::ALL {
+            let lines = cells(text, separator);
+            let alike = |n: usize| lines.iter().filter(|(_, cells)| cells.len() == n).count();
+            let width = lines.iter().map(|(_, cells)| cells.len()).max_by_key(|n| (*n > 1, alike(*n)));
+            let Some(width) = width else { continue };
+            let n_alike = if width > 1 { alike(width) } else { 0 };
+            if best.as_ref().is_some_and(|(n, _)| *n >= n_alike) {
+                continue;
+            }
+            let head = lines.iter().position(|(_, cells)| cells.len() == width).unwrap_or_default();
+            let (names, first) = (lines[head].1.clone(), head + 1);
+            best = Some((n_alike, Sheet { separator, lines, names, units: Vec::new(), first }));
+        }
+        let nothing = Sheet {
+            separator: Separator::Comma,
+            lines: Vec::new(),
+            names: Vec::new(),
+            units: Vec::new(),
+            first: 0,
+        };
+        best.map_or(nothing, |(_, sheet)| sheet)
     }
 
     /// None where no line has numbers alone.
@@ -77,6 +99,11 @@ impl Sheet {
         let mut sheet = Sheet { separator, lines, names, units, first };
         sheet.drop_last_column();
         Some(sheet)
+    }
+
+    /// Whether the first line of numbers has as many as there are names.
+    fn is_full(&self) -> bool {
+        self.lines[self.first..].first().is_some_and(|(_, cells)| cells.len() == self.names.len())
     }
 
     /// A separator behind the last cell of a line makes no column.

@@ -14,7 +14,7 @@ use crate::error::{Error, Problem};
 /// Numbers are separated by commas, semicolons, tabs or blanks; the latter three leave the comma for decimals. Lines
 /// before that of the names, and lines that begin with `#`, `%` or `//`, are passed over; names that stand behind `#`
 /// count. A unit stands behind a name in brackets or parentheses, or in a line below. Cells may lack a value: empty,
-/// `NA`, `NaN`, `null`, `-`, `?`.
+/// `NA`, `NaN`, `null`, `-`, `?`. A column of words alone has no values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     path: PathBuf,
@@ -59,6 +59,10 @@ impl Table {
                 *name = own;
             }
         }
+        let is_number = |text: &String| sheet.number(text).is_ok_and(|value| value.is_some());
+        let has_words: Vec<bool> = (0..table.names.len())
+            .map(|k| !sheet.data().any(|(_, texts)| texts.get(k).is_some_and(is_number)))
+            .collect();
         let mut problems = Vec::new();
         let mut decimal: Option<(char, usize)> = None;
         for (line, texts) in sheet.data() {
@@ -68,7 +72,13 @@ impl Table {
                 complain(format!("has {found} values for {wanted} names: give one for each"));
             }
             let mut cells = Vec::with_capacity(texts.len());
-            for text in texts {
+            for (text, has_words) in
+                texts.iter().zip(has_words.iter().copied().chain(std::iter::repeat(false)))
+            {
+                if has_words {
+                    cells.push(None);
+                    continue;
+                }
                 match sheet.number(text) {
                     Ok(cell) => cells.push(cell),
                     Err(reason) => complain(reason),
@@ -233,6 +243,10 @@ mod tests {
             rows,
             [[Some(0.0), None, Some(2.0)], [Some(1.0), Some(3.0), None], [Some(2.0), None, None]]
         );
+        // A column of words is passed over where nobody asks for it.
+        let table = parse("id;t;x\nleft;0;1,5\nright;1;2\n").unwrap();
+        let rows: Vec<&[Option<f64>]> = table.rows().collect();
+        assert_eq!(rows, [[None, Some(0.0), Some(1.5)], [None, Some(1.0), Some(2.0)]]);
         let message = full(text).unwrap_err();
         assert!(
             message.contains("starts.csv:2 has an empty cell") && message.contains("starts.csv:4"),

@@ -62,6 +62,8 @@ pub struct Panel {
     pub times: Option<Vec<f64>>,
     /// Points beside the lines, each in the colour of the line at its place: times and values.
     pub points: Vec<Vec<[f64; 2]>>,
+    /// Name of the points in the legend, where they have one.
+    pub points_name: String,
     /// Areas behind the lines, the widest first; what two of them share is darker.
     pub bands: Vec<Band>,
 }
@@ -172,8 +174,15 @@ fn draw<'a>(area: &Area<'a>, figure: &Figure, pictures: &[Pictures<'_>]) -> Draw
             }
         }
 
-        let legend_height = panel.lines.len() as f64 * LINE_HEIGHT;
-        let mut legend_y = (top + bottom - legend_height) / 2.0 + LINE_HEIGHT / 2.0;
+        let n_names = panel.lines.len() + usize::from(!panel.points_name.is_empty());
+        let mut legend_y = (top + bottom - n_names as f64 * LINE_HEIGHT) / 2.0 + LINE_HEIGHT / 2.0;
+        if !panel.points_name.is_empty() {
+            let style = ShapeStyle { filled: false, ..stroke(COLOURS[0], 0.9) };
+            area.draw(&Circle::new(at(right + 22.0, legend_y), scaled(2.2), style))?;
+            let style = font(12.5, INK, false, HPos::Left, VPos::Center);
+            label(&panel.points_name, right + 38.0, legend_y, style)?;
+            legend_y += LINE_HEIGHT;
+        }
         for ((name, values), colour) in panel.lines.iter().zip(COLOURS.into_iter().cycle()) {
             let points: Vec<(i32, i32)> = panel
                 .times
