@@ -269,7 +269,7 @@ fn events_are_summarised_and_written() {
     // A point for each, and one for each name.
     assert_eq!(picture.matches("<circle").count(), 13 + 4);
     let out = hamel(&["simulate", &model, "--events", "events.txt"], "");
-    assert!(text(&out.stderr).contains("let the name end in .csv or .svg"));
+    assert!(text(&out.stderr).contains("let the name end in .csv, .svg, .png or .pdf"));
     // Ensembles carry events out, each trajectory its own.
     let many = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("many_impacts.csv");
     let many = many.to_str().unwrap();

@@ -245,7 +245,7 @@ fn mistakes_are_told_with_what_to_change() {
     refused(&with(&["k", "--columns", "x", "--sigma", "x=0"]), 2, &["--sigma", "positive"]);
     refused(&with(&["k", "--columns", "x,x_dot=temperature", "--sigma", "x=1"]), 2, &["--sigma lacks x_dot"]);
     refused(&with(&["k", "--columns", "x", "--method", "taylor"]), 2, &["fit: method taylor"]);
-    refused(&with(&["k", "--columns", "x", "-o", "out.png"]), 2, &["out.png", ".svg"]);
+    refused(&with(&["k", "--columns", "x", "-o", "out.gif"]), 2, &["out.gif", ".svg"]);
     let unsorted = file("unsorted.csv", "t,x\n0,0.3\n2,0.1\n1,0.2\n,0.2\n");
     let arguments = [&*model, "--data", &unsorted, "--free", "k"];
     refused(&arguments, 2, &["unsorted.csv:4 is at 1.0", "unsorted.csv:5 has no time"]);

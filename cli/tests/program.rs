@@ -55,7 +55,7 @@ fn bad_input_has_status_two_and_a_hint() {
         (&["simulate", "heavy_top", "--via", "interpreter", "--initial", "Omega9=1"], "no state `Omega9`"),
         (&["simulate", "heavy_top", "--via", "interpreter", "--initial", "qw=1"], "with --reconstruct only"),
         (&["simulate", "heavy_top", "--scene", "lagrange", "--reconstruct"], "leave out --scene lagrange"),
-        (&["simulate", "heavy_top", "-o", "top.pdf"], ".csv, .svg or .json"),
+        (&["simulate", "heavy_top", "-o", "top.gif"], ".csv, .json, .npz, .svg, .png or .pdf"),
     ];
     for (arguments, hint) in cases {
         let out = hamel(arguments, "");
@@ -374,4 +374,42 @@ fn auto_keeps_the_energy_of_long_motions_and_takes_continuous_output_through_eve
     assert!(long.contains(" by projected,"), "{long}");
     let drift = long.split("drift ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap();
     assert!(drift.parse::<f64>().unwrap() < 1e-14, "{long}");
+}
+
+/// The columns of a table, as figures of every format and as arrays.
+#[test]
+fn motions_become_figures_of_chosen_columns_and_arrays() {
+    let folder = Folder::new("figures");
+    let names = ["top.svg", "top.png", "top.pdf", "top.npz", "top.csv"].map(|name| folder.file(name));
+    let [svg, png, pdf, npz, csv] = &names;
+    let all = ["-o", svg, "-o", png, "-o", pdf, "-o", npz, "-o", csv];
+    let base = ["simulate", "heavy_top", "--via", "interpreter", "--t-final", "1", "--samples", "5"];
+    let chosen = ["--plot", "Omega1,Gamma3", "--plot", "energy", "--log"];
+    let out = hamel(&[&base[..], &all, &["--plot", "energy,p_Omega3", "--log"]].concat(), "");
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let figure = std::fs::read_to_string(svg).unwrap();
+    assert!(figure.contains("energy, momentum.p_Omega3") && !figure.contains("angular velocity"), "{figure}");
+    assert_eq!(&std::fs::read(png).unwrap()[1..4], b"PNG");
+    assert_eq!(&std::fs::read(pdf).unwrap()[..5], b"%PDF-");
+    // Arrays have the names and the numbers of the table.
+    let table = std::fs::read_to_string(csv).unwrap();
+    let mut archive = zip::ZipArchive::new(std::io::Cursor::new(std::fs::read(npz).unwrap())).unwrap();
+    for (k, name) in table.lines().next().unwrap().split(',').enumerate() {
+        let mut bytes = Vec::new();
+        let mut entry = archive.by_name(&format!("{name}.npy")).unwrap();
+        std::io::Read::read_to_end(&mut entry, &mut bytes).unwrap();
+        let numbers = bytes[bytes.len() - 40..].chunks(8).map(|x| f64::from_le_bytes(x.try_into().unwrap()));
+        let expected =
+            table.lines().skip(1).map(|line| line.split(',').nth(k).unwrap().parse::<f64>().unwrap());
+        assert!(numbers.eq(expected), "{name}");
+    }
+    // A velocity that changes its sign has no logarithm.
+    let out = hamel(&[&base[..], &["-o", svg], &chosen].concat(), "");
+    assert_eq!(out.status.code(), Some(2));
+    assert!(text(&out.stderr).contains("which has no logarithm"), "{}", text(&out.stderr));
+    let out = hamel(&[&base[..], &["-o", svg, "--plot", "Omega4"]].concat(), "");
+    assert_eq!(out.status.code(), Some(2));
+    assert!(text(&out.stderr).contains("--plot has no column `Omega4`"), "{}", text(&out.stderr));
+    let out = hamel(&["simulate", "heavy_top", "--plot", "Omega1"], "");
+    assert_eq!(out.status.code(), Some(2));
 }

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use hamel::commands::report::pictured;
+use hamel::output::columns::Chosen;
 use hamel::output::fields::fields;
 use hamel::output::files::{self, Run};
 use hamel::output::plot;
@@ -421,8 +422,9 @@ impl Motion {
                 request: &self.request,
                 response: &self.response,
                 fields: &fields,
+                chosen: &Chosen::default(),
             };
-            plot::svg(&files::figure(&run))
+            plot::svg(&files::figure(&run)?)
                 .map_err(|e| Error::io("figure", std::io::Error::other(e.to_string())))
         };
         py.detach(drawn).or_raise(py)

@@ -11,7 +11,7 @@ use hamel_codegen::spec::Unit;
 use serde_json::{Map, Value};
 
 use super::options::{MotionOptions, SceneOptions, assignment, assignments, finite};
-use crate::output::fitted::{self, Fitted, Target};
+use crate::output::fitted::{Fitted, Target};
 use crate::output::terminal::bold;
 use hamel_run::bars::fit_with_bar;
 use hamel_run::direction::Direction;
@@ -91,7 +91,7 @@ pub struct Arguments {
     /// From where, and how.
     #[command(flatten)]
     pub motion: MotionOptions,
-    /// Figure (.svg) with the values and the fitted motion
+    /// Figure (.svg, .png or .pdf) with the values and the fitted motion
     #[arg(short, long = "output", value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Print the answer as JSON
@@ -159,9 +159,9 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let follower = follower.is_restricted().then_some(&follower as &dyn Follows);
     let response = fit_with_bar(&scene, &request, follower)?;
     let title = model::title(model);
-    if let Some(file) = opened {
+    if let (Some(target), Some(file)) = (&target, opened) {
         let (info, title, blocks) = (&info, &title, &blocks::blocks(model));
-        fitted::write(file, &Fitted { info, title, blocks, request: &request, response: &response })?;
+        target.write(file, &Fitted { info, title, blocks, request: &request, response: &response })?;
     }
     if arguments.json {
         return Ok(json(&info, &request, &response).to_string());

@@ -12,6 +12,7 @@ use hamel_codegen::scene::{self, Prior, told_in_words};
 use hamel_codegen::spec::{MatrixFluid, Want};
 
 use super::options::{EndOptions, MotionOptions, NoiseOptions, SceneOptions, assignments};
+use crate::output::columns::Chosen;
 use crate::output::crossings::{Crossings, EventTarget, OpenEventTarget};
 use crate::output::fields::{self, fields};
 use crate::output::files::{OpenTarget, Run, Target};
@@ -80,6 +81,7 @@ Examples:
   hamel simulate heavy_top --set m=2 l=0.1 --initial Omega3=20 --t-final 5 -o top.csv -o top.svg
   hamel simulate mobile_robot --reconstruct --initial x=1 y=-2 -o robot.svg
   hamel simulate suslov --method rk4 --step 0.001
+  hamel simulate heavy_top --plot Omega1,Omega2 --plot Gamma3 -o top.png
   hamel simulate heavy_top --sensitivity l,Omega3 --t-final 2 -o top.csv
   hamel simulate ./my_model.hamel --t-final 3
   echo '{\"initial\": {\"Omega1\": 1, \"Omega2\": 0.2, \"Omega3\": 0.1}, \"t_final\": 10, \"samples\": 5}' \\
@@ -123,12 +125,18 @@ pub struct Arguments {
     /// Largest number of events [default: 100000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub max_events: Option<u64>,
-    /// File to write: .csv, .svg or .json; may be repeated
+    /// File to write: .csv, .json, .npz, or a figure, .svg, .png or .pdf; may be repeated
     #[arg(short, long = "output", value_name = "FILE")]
     pub output: Vec<PathBuf>,
+    /// A panel of figures, with the columns of these names; may be repeated, and stands in the place of all others
+    #[arg(long, value_name = "NAME,..", requires = "output")]
+    pub plot: Vec<String>,
+    /// Logarithmic axes in the panels of --plot
+    #[arg(long, requires = "plot")]
+    pub log: bool,
     /// Read a JSON request from standard input and print a JSON answer
     #[arg(long, conflicts_with_all =
-        ["set", "initial", "reconstruct", "t_final", "method", "rtol", "atol", "step", "max_step", "max_steps", "samples", "output",
+        ["set", "initial", "reconstruct", "t_final", "method", "rtol", "atol", "step", "max_step", "max_steps", "samples", "output", "plot", "log",
          "section", "sensitivity", "events", "plane", "max_events", "noise_seed", "noise_path", "noise_step"])]
     pub json: bool,
 }
@@ -231,7 +239,8 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         tangents: Vec::new(),
     };
     let opened: Vec<OpenTarget> = targets.iter().map(Target::open).collect::<Result<_, _>>()?;
-    let is_drawn = targets.iter().any(Target::is_figure);
+    let chosen = Chosen::new(&info, &[], &arguments.plot, arguments.log)?;
+    let is_drawn = targets.iter().any(Target::is_figure) && arguments.plot.is_empty();
     let pictured: Vec<usize> = if is_drawn { field::shown(samples).collect() } else { Vec::new() };
     let shield = Shield::raise();
     let Outcome { response, fields, casimirs } =
@@ -240,8 +249,15 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
     let title = fluid.doc.iter().map(|line| line.trim()).find(|line| !line.is_empty()).unwrap_or_default();
     let fields: Vec<Field> = if is_drawn { fields::of_matrices(fluid, &fields) } else { Vec::new() };
     let blocks = blocks::of_matrices(fluid);
-    let run =
-        Run { info: &info, title, blocks: &blocks, request: &request, response: &response, fields: &fields };
+    let run = Run {
+        info: &info,
+        title,
+        blocks: &blocks,
+        request: &request,
+        response: &response,
+        fields: &fields,
+        chosen: &chosen,
+    };
     opened.into_iter().try_for_each(|target| target.write(&run))?;
     let mut text = summary(&info, title, &request, &response, None);
     if !casimirs.is_empty() {
@@ -471,6 +487,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let samples = arguments.samples.unwrap_or_else(|| samples_for(&info, steps, arguments.end.t_final, most));
     let n_group = if arguments.reconstruct { n_group(&info, model)? } else { 0 };
     let plane = plane(&info, &arguments.plane)?;
+    let chosen = Chosen::new(&info, &arguments.sensitivity, &arguments.plot, arguments.log)?;
     let asked = Asked {
         set: motion.set.clone(),
         initial: motion.initial.clone(),
@@ -511,6 +528,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         request: &request,
         response: &response,
         fields: &fields,
+        chosen: &chosen,
     };
     opened.into_iter().try_for_each(|target| target.write(&run))?;
     let crossings = Crossings {

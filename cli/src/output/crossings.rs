@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::opened::Opened;
+use super::picture::{ENDINGS, Picture};
 use super::plot::points::{self, Points};
 use hamel_run::error::Error;
 use hamel_run::info::Info;
@@ -26,14 +27,15 @@ pub(crate) struct Crossings<'a> {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct EventTarget {
     path: PathBuf,
-    is_svg: bool,
+    /// None for a table.
+    picture: Option<Picture>,
 }
 
 /// A file that is open, and its format.
 #[derive(Debug)]
 pub(crate) struct OpenEventTarget {
     file: Opened,
-    is_svg: bool,
+    picture: Option<Picture>,
 }
 
 impl EventTarget {
@@ -42,16 +44,13 @@ impl EventTarget {
     /// # Errors
     /// [`Error::Request`] for an extension that says no format.
     pub(crate) fn new(path: &Path) -> Result<EventTarget, Error> {
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
-        let is_svg = match extension.as_str() {
-            "csv" => false,
-            "svg" => true,
-            _ => {
-                let reason = "has no known format for events: let the name end in .csv or .svg";
-                return Err(Error::unusable(path.display().to_string(), reason));
-            }
-        };
-        Ok(EventTarget { path: path.to_owned(), is_svg })
+        let is_table = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
+        let picture = Picture::of(path);
+        if !is_table && picture.is_none() {
+            let reason = format!("has no known format for events: let the name end in .csv, {ENDINGS}");
+            return Err(Error::unusable(path.display().to_string(), reason));
+        }
+        Ok(EventTarget { path: path.to_owned(), picture })
     }
 
     /// Where it is written.
@@ -64,7 +63,7 @@ impl EventTarget {
     /// # Errors
     /// What keeps it from being written.
     pub(crate) fn open(&self) -> Result<OpenEventTarget, Error> {
-        Ok(OpenEventTarget { file: Opened::new(&self.path)?, is_svg: self.is_svg })
+        Ok(OpenEventTarget { file: Opened::new(&self.path)?, picture: self.picture })
     }
 }
 
@@ -74,14 +73,10 @@ impl OpenEventTarget {
     /// # Errors
     /// [`Error::Io`].
     pub(crate) fn write(self, crossings: &Crossings<'_>) -> Result<(), Error> {
-        let fail = |e| Error::io(self.file.path().display().to_string(), e);
-        let text = match self.is_svg {
-            false => csv(crossings),
-            true => {
-                points::svg(&figure(crossings)).map_err(|e| fail(std::io::Error::other(e.to_string())))?
-            }
-        };
-        self.file.write(text.as_bytes())
+        match self.picture {
+            None => self.file.write(csv(crossings).as_bytes()),
+            Some(picture) => picture.write(self.file, points::svg(&figure(crossings))),
+        }
     }
 }
 

@@ -5,47 +5,39 @@
 use std::path::{Path, PathBuf};
 
 use super::opened::Opened;
+use super::picture::{ENDINGS, Picture};
 use super::plot::{Figure, MAX_LINES, Panel, svg};
 use hamel_run::equilibria::Answer;
 use hamel_run::error::Error;
-
-/// A kind of file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    Csv,
-    Svg,
-}
 
 /// A file to write.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Target {
     path: PathBuf,
-    kind: Kind,
+    /// None for a table.
+    picture: Option<Picture>,
 }
 
 /// The same, open.
 #[derive(Debug)]
 pub(crate) struct OpenTarget {
     file: Opened,
-    kind: Kind,
+    picture: Option<Picture>,
 }
 
 impl Target {
     /// The file at a path.
     ///
     /// # Errors
-    /// [`Error::Request`] for other extensions than .csv and .svg.
+    /// [`Error::Request`] for an extension that is none of a table or a figure.
     pub(crate) fn new(path: &Path) -> Result<Target, Error> {
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
-        let kind = match extension.as_str() {
-            "csv" => Kind::Csv,
-            "svg" => Kind::Svg,
-            _ => {
-                let reason = "is no table and no figure: let the name end in .csv or .svg";
-                return Err(Error::unusable(path.display().to_string(), reason));
-            }
-        };
-        Ok(Target { path: path.to_owned(), kind })
+        let is_table = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
+        let picture = Picture::of(path);
+        if !is_table && picture.is_none() {
+            let reason = format!("is no table and no figure: let the name end in .csv, {ENDINGS}");
+            return Err(Error::unusable(path.display().to_string(), reason));
+        }
+        Ok(Target { path: path.to_owned(), picture })
     }
 
     /// Where it is written.
@@ -58,7 +50,7 @@ impl Target {
     /// # Errors
     /// What keeps it from being written.
     pub(crate) fn open(&self) -> Result<OpenTarget, Error> {
-        Ok(OpenTarget { file: Opened::new(&self.path)?, kind: self.kind })
+        Ok(OpenTarget { file: Opened::new(&self.path)?, picture: self.picture })
     }
 }
 
@@ -67,15 +59,11 @@ impl Target {
 /// # Errors
 /// [`Error::Io`].
 pub(crate) fn write(target: OpenTarget, title: &str, answer: &Answer, name: &str) -> Result<(), Error> {
-    let OpenTarget { file, kind } = target;
-    let fail = |e: &dyn std::fmt::Display| {
-        Error::io(file.path().display().to_string(), std::io::Error::other(e.to_string()))
-    };
-    let text = match kind {
-        Kind::Csv => csv(answer, name),
-        Kind::Svg => svg(&figure(title, answer, name)).map_err(|e| fail(&e))?,
-    };
-    file.write(text.as_bytes())
+    let OpenTarget { file, picture } = target;
+    match picture {
+        None => file.write(csv(answer, name).as_bytes()),
+        Some(picture) => picture.write(file, svg(&figure(title, answer, name))),
+    }
 }
 
 fn csv(answer: &Answer, name: &str) -> String {

@@ -1,13 +1,16 @@
-//! Results of a simulation as files: CSV, JSON, SVG.
+//! Results of a simulation as files: CSV, JSON, arrays for NumPy, figures.
 //!
 //! Does not know: how they were computed.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use super::columns::{self, Chosen};
 use super::opened::Opened;
+use super::picture::{ENDINGS, Picture};
 use super::plot::field::Field;
 use super::plot::{self, Figure, MAX_LINES, Panel, svg};
+use super::trajectories::Archive;
 use hamel_run::error::Error;
 use hamel_run::info::Info;
 use hamel_run::model::blocks::Block;
@@ -32,7 +35,8 @@ pub struct OpenTarget {
 enum Format {
     Csv,
     Json,
-    Svg,
+    Npz,
+    Figure(Picture),
 }
 
 /// A relative drift of the energy beyond this is taken for a property of the motion.
@@ -53,6 +57,8 @@ pub struct Run<'a> {
     pub response: &'a SimulateResponse,
     /// Functions on a surface that the model shows.
     pub fields: &'a [Field],
+    /// What figures show in the place of everything.
+    pub chosen: &'a Chosen,
 }
 
 impl Target {
@@ -65,11 +71,15 @@ impl Target {
         let format = match extension.as_str() {
             "csv" => Format::Csv,
             "json" => Format::Json,
-            "svg" => Format::Svg,
-            _ => {
-                let reason = "has no known format: let the name end in .csv, .svg or .json";
-                return Err(Error::unusable(path.display().to_string(), reason));
-            }
+            "npz" => Format::Npz,
+            _ => match Picture::of(path) {
+                Some(picture) => Format::Figure(picture),
+                None => {
+                    let reason =
+                        format!("has no known format: let the name end in .csv, .json, .npz, {ENDINGS}");
+                    return Err(Error::unusable(path.display().to_string(), reason));
+                }
+            },
         };
         Ok(Target { path: path.to_owned(), format })
     }
@@ -81,7 +91,7 @@ impl Target {
 
     /// Whether the file is a figure.
     pub fn is_figure(&self) -> bool {
-        self.format == Format::Svg
+        matches!(self.format, Format::Figure(_))
     }
 
     /// Opens the file, before anything is integrated.
@@ -99,46 +109,33 @@ impl OpenTarget {
     /// # Errors
     /// [`Error::Io`].
     pub fn write(self, run: &Run<'_>) -> Result<(), Error> {
-        let text = match self.format {
-            Format::Csv => csv(run),
-            Format::Json => format!("{}\n", run.response.to_json(run.info, run.request.n_group)),
-            Format::Svg => svg(&figure(run)).map_err(|e| {
-                Error::io(self.file.path().display().to_string(), std::io::Error::other(e.to_string()))
-            })?,
-        };
-        self.file.write(text.as_bytes())
+        let fail = |file: &Opened, e| Error::io(file.path().display().to_string(), e);
+        match self.format {
+            Format::Csv => self.file.write(csv(run).as_bytes()),
+            Format::Json => {
+                let text = format!("{}\n", run.response.to_json(run.info, run.request.n_group));
+                self.file.write(text.as_bytes())
+            }
+            Format::Npz => {
+                npz(self.file.temporary(), run).map_err(|e| fail(&self.file, e))?;
+                self.file.place()
+            }
+            Format::Figure(picture) => picture.write(self.file, svg(&figure(run)?)),
+        }
     }
 }
 
 /// Time, state, energy, outputs (as `group.component`) and derivatives, one sample a line, every number in shortest
 /// round-trip form.
 pub fn csv(run: &Run<'_>) -> String {
-    let Run { info, response, .. } = *run;
     let mut text = String::from("t");
-    for name in &info.state {
-        text.push(',');
-        text.push_str(name);
-    }
-    if info.has_energy {
-        text.push_str(",energy");
-    }
-    let with_outputs = response.samples.iter().any(|s| !s.outputs.is_empty());
-    if with_outputs {
-        for group in &info.outputs {
-            for component in &group.components {
-                let _ = write!(text, ",{}.{component}", group.name);
-            }
-        }
-    }
-    for (by, _) in &response.along {
-        for name in &info.state {
-            let _ = write!(text, ",d_{name}_d_{by}");
-        }
-    }
+    columns(run).iter().for_each(|name| {
+        let _ = write!(text, ",{name}");
+    });
     text.push('\n');
-    for sample in &response.samples {
+    for sample in &run.response.samples {
         let _ = write!(text, "{:?}", sample.t);
-        for x in sample.state.iter().chain(&sample.energy).chain(&sample.outputs).chain(&sample.along) {
+        for x in columns::values(sample) {
             let _ = write!(text, ",{x:?}");
         }
         text.push('\n');
@@ -146,9 +143,58 @@ pub fn csv(run: &Run<'_>) -> String {
     text
 }
 
-/// The states over time, a panel for each group, and the drift of the energy.
-pub fn figure(run: &Run<'_>) -> Figure {
-    let Run { info, title, blocks, request, response, fields } = *run;
+/// Names of the columns behind the time.
+fn columns(run: &Run<'_>) -> Vec<String> {
+    let with_outputs = run.response.samples.iter().any(|s| !s.outputs.is_empty());
+    columns::names(run.info, with_outputs, run.response.along.iter().map(|(by, _)| by))
+}
+
+/// The same columns as arrays for NumPy, by the same names.
+fn npz(path: &Path, run: &Run<'_>) -> std::io::Result<()> {
+    let samples = &run.response.samples;
+    let mut archive = Archive::new(path)?;
+    archive.numbers("t", &samples.iter().map(|s| s.t).collect::<Vec<f64>>())?;
+    for (k, name) in columns(run).iter().enumerate() {
+        let values = samples.iter().map(|sample| columns::values(sample).nth(k).unwrap_or(f64::NAN));
+        archive.numbers(name, &values.collect::<Vec<f64>>())?;
+    }
+    archive.finish()
+}
+
+/// The columns that were chosen, or the states over time, a panel for each group, and the drift of the energy.
+///
+/// # Errors
+/// [`Error::Request`] for a logarithmic axis of a column that has values without logarithm.
+pub fn figure(run: &Run<'_>) -> Result<Figure, Error> {
+    let Run { info, title, request, response, fields, chosen, .. } = *run;
+    let is_all = chosen.is_all();
+    let panels = if is_all { panels(run) } else { chosen.drawn(info, run.blocks, &response.samples)? };
+    let scene = if info.scene == hamel_run::model::DEFAULT_SCENE {
+        String::new()
+    } else {
+        format!(", scene {}", info.scene)
+    };
+    let steps = request.steps.describe();
+    Ok(Figure {
+        title: if title.is_empty() { info.model.clone() } else { title.to_owned() },
+        subtitle: format!(
+            "{}{scene} · {}, {steps} · {} steps, {} evaluations",
+            info.model,
+            request.method.name(),
+            response.steps,
+            response.rhs_evals
+        ),
+        x_label: "t [s]".into(),
+        times: response.samples.iter().map(|s| s.t).collect(),
+        panels,
+        path: if is_all { path(run) } else { None },
+        fields: if is_all { fields.to_vec() } else { Vec::new() },
+    })
+}
+
+/// A panel for each group of the state, and the drift of the energy.
+fn panels(run: &Run<'_>) -> Vec<Panel> {
+    let Run { info, blocks, response, .. } = *run;
     let column = |at: usize| response.samples.iter().map(|s| s.state[at]).collect::<Vec<f64>>();
     let mut panels = Vec::new();
     let mut shown = vec![false; info.state.len()];
@@ -201,27 +247,7 @@ pub fn figure(run: &Run<'_>) -> Figure {
             ..Panel::default()
         });
     }
-    let scene = if info.scene == hamel_run::model::DEFAULT_SCENE {
-        String::new()
-    } else {
-        format!(", scene {}", info.scene)
-    };
-    let steps = request.steps.describe();
-    Figure {
-        title: if title.is_empty() { info.model.clone() } else { title.to_owned() },
-        subtitle: format!(
-            "{}{scene} · {}, {steps} · {} steps, {} evaluations",
-            info.model,
-            request.method.name(),
-            response.steps,
-            response.rhs_evals
-        ),
-        x_label: "t [s]".into(),
-        times: response.samples.iter().map(|s| s.t).collect(),
-        panels,
-        path: path(run),
-        fields: fields.to_vec(),
-    }
+    panels
 }
 
 /// Names of coordinates that are positions in a plane when they are lengths.

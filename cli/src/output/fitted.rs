@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use super::opened::Opened;
+use super::picture::Picture;
 use super::plot::{Figure, Panel, svg};
 use hamel_run::error::Error;
 use hamel_run::fit::{Column, FitRequest, FitResponse, Quantity};
@@ -30,20 +31,16 @@ pub(crate) struct Fitted<'a> {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Target {
     path: PathBuf,
+    picture: Picture,
 }
 
 impl Target {
     /// The file at a path.
     ///
     /// # Errors
-    /// [`Error::Request`] for an extension other than .svg.
+    /// [`Error::Request`] for an extension that is none of a figure.
     pub fn new(path: &Path) -> Result<Target, Error> {
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
-        if extension != "svg" {
-            let reason = "is no figure: let the name end in .svg";
-            return Err(Error::unusable(path.display().to_string(), reason));
-        }
-        Ok(Target { path: path.to_owned() })
+        Ok(Target { path: path.to_owned(), picture: Picture::only(path)? })
     }
 
     /// Where it is written.
@@ -58,18 +55,14 @@ impl Target {
     pub(crate) fn open(&self) -> Result<Opened, Error> {
         Opened::new(&self.path)
     }
-}
 
-/// Writes the figure.
-///
-/// # Errors
-/// [`Error::Io`].
-pub(crate) fn write(file: Opened, fitted: &Fitted<'_>) -> Result<(), Error> {
-    let fail = |e: &dyn std::fmt::Display| {
-        Error::io(file.path().display().to_string(), std::io::Error::other(e.to_string()))
-    };
-    let text = svg(&figure(fitted)).map_err(|e| fail(&e))?;
-    file.write(text.as_bytes())
+    /// Writes the figure.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(crate) fn write(&self, file: Opened, fitted: &Fitted<'_>) -> Result<(), Error> {
+        self.picture.write(file, svg(&figure(fitted)))
+    }
 }
 
 fn figure(fitted: &Fitted<'_>) -> Figure {

@@ -2,6 +2,7 @@
 //!
 //! Does not know: how anything was computed.
 
+pub mod columns;
 pub(crate) mod crossings;
 pub(crate) mod families;
 pub mod fields;
@@ -10,6 +11,7 @@ pub mod fitted;
 pub mod fmu;
 pub(crate) mod formulations;
 pub(crate) mod opened;
+mod picture;
 pub mod plot;
 pub mod report;
 pub mod terminal;

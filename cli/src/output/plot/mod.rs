@@ -64,6 +64,8 @@ pub struct Panel {
     pub points: Vec<Vec<[f64; 2]>>,
     /// Name of the points in the legend, where they have one.
     pub points_name: String,
+    /// Whether values are logarithms to base ten.
+    pub is_log: bool,
     /// Areas behind the lines, the widest first; what two of them share is darker.
     pub bands: Vec<Band>,
 }
@@ -139,13 +141,13 @@ fn draw<'a>(area: &Area<'a>, figure: &Figure, pictures: &[Pictures<'_>]) -> Draw
         let all = of_lines.chain(of_points).chain(of_bands);
         let (low, high) = range_of(all, 0.06);
         let y_of = |y: f64| bottom - (y - low) / (high - low) * PANEL;
-        let y_ticks = Ticks::new(low, high, 5);
+        let y_ticks = if panel.is_log { Ticks::of_powers(low, high, 5) } else { Ticks::new(low, high, 5) };
 
         for t in &x_ticks.values {
             path(vec![at(x_of(*t), top), at(x_of(*t), bottom)], stroke(GRID, 0.7))?;
         }
         for y in &y_ticks.values {
-            let is_zero = *y == 0.0 && y_ticks.values.len() > 1;
+            let is_zero = *y == 0.0 && y_ticks.values.len() > 1 && !panel.is_log;
             let style = if is_zero { stroke(FRAME, 0.7) } else { stroke(GRID, 0.7) };
             path(vec![at(LEFT, y_of(*y)), at(right, y_of(*y))], style)?;
             path(vec![at(LEFT - 4.0, y_of(*y)), at(LEFT, y_of(*y))], stroke(FRAME, 0.8))?;

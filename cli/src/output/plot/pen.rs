@@ -120,10 +120,24 @@ pub(super) struct Ticks {
     /// Decimals after division by `10^power`.
     pub(super) decimals: usize,
     pub(super) power: i32,
+    /// What numbers are told without, where they differ little.
+    offset: f64,
+    /// Whether numbers are logarithms to base ten.
+    is_log: bool,
 }
+
+/// Part of the largest number below which differences are told without it.
+const NARROW: f64 = 1e-5;
 
 impl Ticks {
     pub(super) fn new(low: f64, high: f64, wanted: usize) -> Ticks {
+        if high - low < NARROW * low.abs().max(high.abs()) {
+            let unit = 10_f64.powf((high - low).log10().ceil() + 1.0);
+            let offset = ((low + high) / 2.0 / unit).round() * unit;
+            let ticks = Ticks::new(low - offset, high - offset, wanted);
+            let values = ticks.values.iter().map(|x| x + offset).collect();
+            return Ticks { values, offset, ..ticks };
+        }
         let raw = (high - low) / wanted as f64;
         let decade = 10_f64.powf(raw.log10().floor());
         let step = [1.0, 2.0, 2.5, 5.0, 10.0].map(|m| m * decade).into_iter().find(|s| *s >= raw * 0.999);
@@ -139,11 +153,45 @@ impl Ticks {
             let shifted = unit * 10_f64.powi(d);
             (shifted - shifted.round()).abs() < 1e-6 * shifted
         });
-        Ticks { values, decimals: decimals.unwrap_or(8) as usize, power }
+        Ticks { values, decimals: decimals.unwrap_or(8) as usize, power, offset: 0.0, is_log: false }
+    }
+
+    /// Logarithms of round numbers: of powers of ten, and where there are fewer than two of these, of 1, 2 and 5 times
+    /// them, or of numbers at equal distances.
+    pub(super) fn of_powers(low: f64, high: f64, wanted: usize) -> Ticks {
+        let within = |values: Vec<f64>| -> Vec<f64> {
+            values.into_iter().filter(|x| (low..=high).contains(x)).collect()
+        };
+        let step = ((high - low) / wanted as f64).ceil().max(1.0);
+        let powers = || (0..=60).map(|k| ((low / step).floor() + f64::from(k)) * step);
+        let whole = within(powers().collect());
+        let parts = || within(powers().flat_map(|x| [1.0_f64, 2.0, 5.0].map(|m| x + m.log10())).collect());
+        let even = || {
+            let ticks = Ticks::new(10_f64.powf(low), 10_f64.powf(high), wanted);
+            within(ticks.values.iter().map(|x| x.log10()).collect())
+        };
+        // As many digits as tell neighbours apart.
+        let decimals = (1.0 - (high - low).log10()).ceil().clamp(3.0, 15.0) as usize;
+        let mut values = whole;
+        if values.len() < 2 {
+            values = parts();
+        }
+        if values.len() < 2 {
+            values = even();
+        }
+        Ticks { values, decimals, power: 0, offset: 0.0, is_log: true }
     }
 
     pub(super) fn label(&self, value: f64) -> String {
-        let text = format!("{:.*}", self.decimals, value / 10_f64.powi(self.power));
+        if self.is_log {
+            let is_power = (value - value.round()).abs() < 1e-9;
+            return if is_power {
+                format!("10{}", raised(value.round() as i32))
+            } else {
+                self.shortest(value)
+            };
+        }
+        let text = format!("{:.*}", self.decimals, (value - self.offset) / 10_f64.powi(self.power));
         match text.strip_prefix('-') {
             Some(digits) if digits.chars().all(|c| c == '0' || c == '.') => digits.to_owned(),
             Some(digits) => format!("\u{2212}{digits}"),
@@ -151,11 +199,71 @@ impl Ticks {
         }
     }
 
-    /// The common power of ten, such as `×10⁻¹²`.
+    /// The common power of ten and what is added, such as `×10⁻¹²` or `×10⁻¹² + 5.1`.
     pub(super) fn power_label(&self) -> Option<String> {
-        const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
-        let raised = |c: char| c.to_digit(10).map_or('⁻', |d| DIGITS[d as usize]);
-        (self.power != 0)
-            .then(|| format!("×10{}", self.power.to_string().chars().map(raised).collect::<String>()))
+        let power = (self.power != 0).then(|| format!("×10{}", raised(self.power)));
+        if self.offset == 0.0 {
+            return power;
+        }
+        let sign = if self.offset < 0.0 { '\u{2212}' } else { '+' };
+        // Rounded to a unit above; its last digits are noise.
+        let told = [power, Some(format!("{sign} {}", shortened(self.offset.abs())))];
+        Some(told.into_iter().flatten().collect::<Vec<_>>().join(" "))
+    }
+
+    /// The number with a logarithm.
+    fn shortest(&self, logarithm: f64) -> String {
+        let power = logarithm.floor();
+        let leading = 10_f64.powf(logarithm - power);
+        let cut = |text: String| text.trim_end_matches('0').trim_end_matches('.').to_owned();
+        match power as i32 {
+            power @ -3..=4 => {
+                let decimals = (self.decimals as i32 - power).max(0) as usize;
+                cut(format!("{:.*}", decimals, 10_f64.powf(logarithm)))
+            }
+            power => format!("{}×10{}", cut(format!("{leading:.*}", self.decimals)), raised(power)),
+        }
+    }
+}
+
+/// A number in the fewest digits that are it to twelve.
+fn shortened(number: f64) -> String {
+    let text = (0..12).map(|digits| format!("{number:.digits$e}"));
+    let near = |text: &String| text.parse::<f64>().is_ok_and(|x| (x - number).abs() <= 1e-12 * number.abs());
+    let found = text.into_iter().find(near).and_then(|text| text.parse::<f64>().ok());
+    format!("{}", found.unwrap_or(number))
+}
+
+/// A whole number as an exponent.
+fn raised(number: i32) -> String {
+    const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
+    let digit = |c: char| c.to_digit(10).map_or('⁻', |d| DIGITS[d as usize]);
+    number.to_string().chars().map(digit).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Ticks;
+
+    fn labels(ticks: &Ticks) -> Vec<String> {
+        ticks.values.iter().map(|x| ticks.label(*x)).collect()
+    }
+
+    #[test]
+    fn logarithmic_axes_have_powers_or_round_numbers() {
+        assert_eq!(labels(&Ticks::of_powers(-2.5, 1.2, 5)), ["10⁻²", "10⁻¹", "10⁰", "10¹"]);
+        assert_eq!(labels(&Ticks::of_powers(-0.2, 0.9, 5)), ["10⁰", "2", "5"]);
+        assert_eq!(labels(&Ticks::of_powers(-12.0, 3.0, 5)).len(), 6);
+        let near = labels(&Ticks::of_powers(5.157_f64.log10(), 5.1572_f64.log10(), 5));
+        assert!(near.len() > 2 && near.windows(2).all(|pair| pair[0] != pair[1]), "{near:?}");
+    }
+
+    #[test]
+    fn numbers_that_differ_little_are_told_without_what_they_share() {
+        let ticks = Ticks::new(5.157_35, 5.157_35 + 3e-11, 5);
+        let told = labels(&ticks);
+        assert!(told.len() > 2 && told.windows(2).all(|pair| pair[0] != pair[1]), "{told:?}");
+        assert!(ticks.power_label().unwrap().ends_with(" + 5.15735"), "{:?}", ticks.power_label());
+        assert_eq!(Ticks::new(1.0, 2.0, 5).power_label(), None);
     }
 }

@@ -12,6 +12,7 @@ use std::fmt::Write as _;
 use hamel_codegen::explain::{Section, SectionKind};
 use hamel_codegen::spec::Want;
 
+use super::columns::Chosen;
 use super::files::{Run, figure};
 use super::plot::field::Field;
 use super::plot::loglog::{self, Curve, LogLog};
@@ -290,8 +291,16 @@ fn operations(page: &Page) -> String {
 fn motion_sections(page: &Page, motion: &Motion, sections: &mut Vec<(String, String)>) -> Result<(), Error> {
     let Motion { info, blocks, request, response, pictures, .. } = motion;
     // Fields that are played have a section of their own.
-    let run = Run { info, title: &page.title, blocks, request, response, fields: pictures };
-    let mut state = figure(&run);
+    let run = Run {
+        info,
+        title: &page.title,
+        blocks,
+        request,
+        response,
+        fields: pictures,
+        chosen: &Chosen::default(),
+    };
+    let mut state = figure(&run)?;
     let mut conserved =
         Figure { times: state.times.clone(), x_label: state.x_label.clone(), ..Figure::default() };
     if response.initial_energy.is_some() {

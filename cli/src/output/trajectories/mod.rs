@@ -14,4 +14,5 @@ mod tree;
 pub(crate) mod zarr;
 
 pub use gathered::Statistic;
+pub(super) use npz::Archive;
 pub use target::Target;

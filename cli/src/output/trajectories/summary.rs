@@ -173,12 +173,7 @@ impl<'a> Summary<'a> {
                 self.npz(file.temporary(), gathered).map_err(|e| Error::io(path, e))?;
                 file.place()
             }
-            Format::Svg => {
-                let text = svg(&self.figure(gathered));
-                file.write(
-                    text.map_err(|e| Error::io(path, std::io::Error::other(e.to_string())))?.as_bytes(),
-                )
-            }
+            Format::Figure(picture) => picture.write(file, svg(&self.figure(gathered))),
             Format::Zarr => Ok(()),
         }
     }

@@ -8,6 +8,7 @@ use super::chunk::{Heading, Sink};
 use super::csv::Csv;
 use super::npz::Npz;
 use super::store::finished_chunks;
+use crate::output::picture::{ENDINGS, Picture};
 use hamel_run::error::Error;
 
 /// A file or store to write and its format, which its extension says.
@@ -21,7 +22,7 @@ pub struct Target {
 pub(super) enum Format {
     Csv,
     Npz,
-    Svg,
+    Figure(Picture),
     Zarr,
 }
 
@@ -35,13 +36,17 @@ impl Target {
         let format = match extension.as_str() {
             "csv" => Format::Csv,
             "npz" => Format::Npz,
-            "svg" => Format::Svg,
             "zarr" => Format::Zarr,
-            _ => {
-                let reason = "has no known format: let the name end in .zarr, .csv or .npz, or, with --statistics, \
-                              in .svg";
-                return Err(Error::unusable(path.display().to_string(), reason));
-            }
+            _ => match Picture::of(path) {
+                Some(picture) => Format::Figure(picture),
+                None => {
+                    let reason = format!(
+                        "has no known format: let the name end in .zarr, .csv or .npz, or, with --statistics, in \
+                         {ENDINGS}"
+                    );
+                    return Err(Error::unusable(path.display().to_string(), reason));
+                }
+            },
         };
         Ok(Target { path: path.to_owned(), format })
     }
@@ -58,7 +63,7 @@ impl Target {
 
     /// Whether the file is a figure.
     pub fn is_figure(&self) -> bool {
-        self.format == Format::Svg
+        matches!(self.format, Format::Figure(_))
     }
 
     pub(super) fn format(&self) -> Format {
@@ -74,7 +79,7 @@ impl Target {
             Format::Csv => 2 * (n_samples * (of_sample as u128 + n_inputs + 2)),
             Format::Npz => 8 * (numbers + 1 + heading.info.state.len() as u128) + 4,
             Format::Zarr => 8 * (numbers + 1) + 1,
-            Format::Svg => 0,
+            Format::Figure(_) => 0,
         }
     }
 
@@ -96,7 +101,7 @@ impl Target {
         Ok(match self.format {
             Format::Csv => Some(Box::new(Csv::new(&self.path, heading)?)),
             Format::Npz => Some(Box::new(Npz::new(&self.path, heading)?)),
-            Format::Svg | Format::Zarr => None,
+            Format::Figure(_) | Format::Zarr => None,
         })
     }
 }
