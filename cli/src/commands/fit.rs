@@ -79,7 +79,7 @@ pub struct Arguments {
     /// Intervals that unknowns are kept in; either end may be left out
     #[arg(long, value_name = "NAME=FROM..TO", num_args = 1.., value_parser = interval)]
     pub bounds: Vec<(String, [f64; 2])>,
-    /// What is known of unknowns beforehand, with its standard deviation; needs --sigma
+    /// Values of unknowns that are known beforehand, with standard deviations; needs --sigma
     #[arg(long, value_name = "NAME=VALUE+-ERROR", num_args = 1.., value_parser = prior)]
     pub prior: Vec<(String, Prior)>,
     /// Further points to start from, always the same: within --bounds and --prior, else within a factor of three
@@ -279,7 +279,7 @@ fn known(
     if problems.is_empty() { Ok(all) } else { Err(Error::Request { problems }) }
 }
 
-/// What was measured, in the units of the model.
+/// Measured values, in the units of the model.
 struct Data {
     columns: Vec<Column>,
     times: Vec<f64>,

@@ -1,4 +1,4 @@
-//! What is left of the data along a motion, and its derivatives by the unknowns.
+//! Residuals of the data along a motion, and their derivatives by the unknowns.
 //!
 //! Does not know: how the unknowns are searched.
 
@@ -7,7 +7,7 @@ use std::ops::Range;
 use hamel_runtime::{Dual, Integrator};
 use nalgebra::{DMatrix, DVector};
 
-use super::{Column, FitRequest, FitResponse, Follows, Quantity};
+use super::request::{Column, FitRequest, FitResponse, Follows, Quantity};
 use crate::admissible;
 use crate::auto::Purpose;
 use crate::direction::Direction;
@@ -19,7 +19,7 @@ use crate::sensitivity::Along;
 use crate::simulation::stopped_because;
 use crate::solver::method_of;
 
-/// Residuals and slopes above this are those of a motion that runs away: their squares would overflow.
+/// Residuals and slopes above this belong to a motion that runs away: their squares would overflow.
 const RUNS_AWAY: f64 = 1e100;
 
 /// Parameters and initial state with values of the unknowns.
@@ -141,7 +141,7 @@ pub(super) struct Leg<'a> {
 
 /// What came out along a piece of a motion.
 pub(super) struct Passed {
-    /// What is left of each cell, in units of its standard deviation where that is known.
+    /// The residual of each cell, in units of its standard deviation where that is known.
     pub(super) residuals: Vec<f64>,
     /// Its derivatives along each direction.
     pub(super) slopes: Vec<Vec<f64>>,

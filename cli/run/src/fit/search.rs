@@ -1,11 +1,12 @@
 //! The search for the minimum: from several points, over longer and longer parts of the time, or by pieces of it.
 //!
-//! Does not know: tables, what is told of a fit.
+//! Does not know: tables, the texts of a fit.
 
 use super::bounded::{Bounded, minimise_within};
+use super::request::{Column, FitRequest, Started};
 use super::residuals::{Motions, cells};
 use super::verdict::{Judged, Verdict};
-use super::{Column, FitRequest, Started, segments, starts};
+use super::{segments, starts};
 use crate::direction::Direction;
 use crate::error::Error;
 use crate::least_squares::{End, Linearised, precision};
@@ -88,7 +89,7 @@ fn over_horizons(
     near
 }
 
-/// The request with the first part of its table; none where it has too few values for the unknowns.
+/// The request with the first part of its table, unless it has too few values for the unknowns.
 fn until(request: &FitRequest, part: f64) -> Option<FitRequest> {
     let end = part * request.times.last()?;
     let n = request.times.iter().take_while(|t| **t <= end).count();

@@ -4,8 +4,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::request::{FitRequest, Quantity};
 use super::residuals::{Leg, Motions, Passed, priors, values};
-use super::{FitRequest, Quantity};
 use crate::admissible;
 use crate::direction::Direction;
 use crate::error::Error;
@@ -182,7 +182,7 @@ impl Shooting {
         leg.pass((motions.factory, &along), &self.request, params, &along.initial(start, &[]))
     }
 
-    /// What is left of the data on all pieces, of the priors, and of the gaps between pieces.
+    /// Residuals of the data on all pieces, of the priors, and of the gaps between pieces.
     fn linearised(&self, motions: &Motions<'_>, weight: f64, x: &[f64]) -> Result<Linearised, Error> {
         let request = &self.request;
         let (n, n_free) = (self.errors.len(), request.free.len());

@@ -4,7 +4,7 @@
 
 use hamel_expr::split_mix;
 
-use super::{FitRequest, Known};
+use super::request::{FitRequest, Known};
 
 /// Other points than the one of the request, always the same: within intervals and within two standard deviations of
 /// priors; a value that nothing is known of lies within a factor of three, one that is zero between -1 and 1.

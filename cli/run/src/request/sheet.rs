@@ -131,7 +131,7 @@ impl Sheet {
         (self.names.clone(), units.collect())
     }
 
-    /// Lines of numbers, with those that are none.
+    /// The lines below the names.
     pub(super) fn data(&self) -> impl Iterator<Item = (usize, &[String])> {
         self.lines[self.first..].iter().map(|(line, cells)| (*line, cells.as_slice()))
     }
@@ -168,7 +168,7 @@ fn comment(line: &str) -> Option<&str> {
 
 /// Lines with cells; lines without, and comments, are left out.
 fn cells(text: &str, separator: Separator) -> Vec<(usize, Vec<String>)> {
-    // As many lines as before, so that their numbers are those of the file.
+    // As many lines as before: errors tell the numbers of the file's lines.
     let lines = text.lines().map(|line| match (comment(line), separator) {
         (Some(_), _) => String::new(),
         (None, Separator::Blanks) => line.split_whitespace().collect::<Vec<_>>().join("\t"),
@@ -214,7 +214,7 @@ fn bare(cell: &str) -> &str {
     inner('[', ']').or_else(|| inner('(', ')')).unwrap_or(cell)
 }
 
-/// The cells of a line of units; none where another word is among them.
+/// The cells of a line of units, unless another word is among them.
 fn units_of(cells: &[String]) -> Option<Vec<String>> {
     let is_unit = |cell: &String| cell.is_empty() || unit(bare(cell)).is_some();
     cells.iter().all(is_unit).then(|| cells.to_vec())

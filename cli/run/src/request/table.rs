@@ -183,7 +183,7 @@ impl Table {
     }
 }
 
-/// The text of a file: UTF-16 has a mark, and what is not UTF-8 is taken as Latin-1, which every byte belongs to.
+/// The text of a file: UTF-16 has a mark, and other bytes than UTF-8 are taken as Latin-1, which every byte belongs to.
 fn decoded(bytes: Vec<u8>) -> String {
     let wide = |order: fn([u8; 2]) -> u16| {
         let units: Vec<u16> = bytes[2..].chunks_exact(2).map(|pair| order([pair[0], pair[1]])).collect();
@@ -312,7 +312,7 @@ mod tests {
         }
         let message = full("x [mm]\n1\n").unwrap_err();
         assert!(message.contains("no unit of x is known"), "{message}");
-        // What is no unit is part of the name.
+        // Another word than a unit is part of the name.
         assert_eq!(full("x (left)\n1\n").unwrap().0, ["x (left)"]);
     }
 

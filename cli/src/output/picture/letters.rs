@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use epaint_default_fonts::{HACK_REGULAR, UBUNTU_LIGHT};
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
-use super::shapes::Segment;
+use super::segment::Segment;
 
 /// Height of a small x.
 pub(super) const X_HEIGHT: f32 = 0.52;

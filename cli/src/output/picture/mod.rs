@@ -1,6 +1,6 @@
 //! Figures as files: SVG as it is drawn, and PNG and PDF made of it.
 //!
-//! Does not know: what is shown.
+//! Does not know: scenes, motions.
 
 #[cfg(feature = "pictures")]
 mod letters;
@@ -8,6 +8,8 @@ mod letters;
 mod pdf;
 #[cfg(feature = "pictures")]
 mod raster;
+#[cfg(feature = "pictures")]
+mod segment;
 #[cfg(feature = "pictures")]
 mod shapes;
 

@@ -1,13 +1,14 @@
 //! A figure as a PDF file of one page.
 //!
-//! Does not know: what is shown.
+//! Does not know: scenes, motions.
 
 use miniz_oxide::deflate::compress_to_vec_zlib;
 use pdf_writer::types::{LineCapStyle, LineJoinStyle};
 use pdf_writer::{Content, Filter, Finish as _, Name, Pdf, Rect, Ref};
 use tiny_skia::Pixmap;
 
-use super::shapes::{Page, Segment, Shape};
+use super::segment::Segment;
+use super::shapes::{Page, Shape};
 
 /// How much is tried to make a file small, from 0 to 10.
 const LEVEL: u8 = 6;

@@ -1,13 +1,14 @@
 //! A figure as a PNG file.
 //!
-//! Does not know: what is shown.
+//! Does not know: scenes, motions.
 
 use tiny_skia::{
     FillRule, FilterQuality, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, PixmapPaint, Stroke,
     Transform,
 };
 
-use super::shapes::{Page, Segment, Shape};
+use super::segment::Segment;
+use super::shapes::{Page, Shape};
 
 /// Pixels for each unit of length.
 const SHARPNESS: f32 = 2.0;

@@ -5,6 +5,7 @@
 use roxmltree::{Document, Node};
 
 use super::letters;
+use super::segment::Segment;
 
 /// A figure.
 #[derive(Debug)]
@@ -23,15 +24,6 @@ pub(super) enum Shape {
     Outline { path: Vec<Segment>, colour: [u8; 3], opacity: f32, width: Option<f32> },
     /// A picture as a PNG file, stretched over an area.
     Image { corner: [f32; 2], size: [f32; 2], file: Vec<u8> },
-}
-
-/// A piece of a curve.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Segment {
-    Move([f32; 2]),
-    Line([f32; 2]),
-    Cubic([f32; 2], [f32; 2], [f32; 2]),
-    Close,
 }
 
 impl Page {
@@ -208,7 +200,7 @@ fn number(node: Node<'_, '_>, name: &str) -> Result<f32, String> {
     text.parse().map_err(|_| format!("{} has no number `{name}`", node.tag_name().name()))
 }
 
-/// The colour of an attribute, `#rrggbb`; none where it is absent or `none`.
+/// The colour of an attribute, `#rrggbb`, unless it is absent or `none`.
 fn colour(node: Node<'_, '_>, name: &str) -> Result<Option<[u8; 3]>, String> {
     match node.attribute(name) {
         None | Some("none") => Ok(None),
@@ -247,7 +239,7 @@ fn decoded(text: &str) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::super::super::plot::{Figure, Panel, svg};
-    use super::{Page, Shape, decoded};
+    use super::{Page, Segment, Shape, decoded};
 
     #[test]
     fn base_64_comes_back() {
@@ -281,7 +273,7 @@ mod tests {
             let Shape::Outline { path, .. } = shape else { continue };
             n_letters += usize::from(path.len() > 20);
             for segment in path {
-                if let super::Segment::Move([x, y]) | super::Segment::Line([x, y]) = segment {
+                if let Segment::Move([x, y]) | Segment::Line([x, y]) = segment {
                     assert!((0.0..=edge[0]).contains(x) && (0.0..=edge[1]).contains(y), "{x} {y} {edge:?}");
                 }
             }

@@ -199,7 +199,7 @@ impl Ticks {
         }
     }
 
-    /// The common power of ten and what is added, such as `×10⁻¹²` or `×10⁻¹² + 5.1`.
+    /// The common power of ten and the common part, such as `×10⁻¹²` or `×10⁻¹² + 5.1`.
     pub(super) fn power_label(&self) -> Option<String> {
         let power = (self.power != 0).then(|| format!("×10{}", raised(self.power)));
         if self.offset == 0.0 {
