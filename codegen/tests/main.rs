@@ -37,6 +37,7 @@ mod modes;
 mod named_frames;
 mod noise;
 mod parts;
+mod quasi_invariance;
 mod quotients;
 mod random_models;
 mod redundant;

@@ -40,6 +40,7 @@ mod limits;
 mod matrix_group;
 mod mode;
 mod model;
+mod quasi_invariance;
 mod motions;
 mod names;
 mod noise;
@@ -87,6 +88,7 @@ pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use mode::{Impact, Mode};
+pub use quasi_invariance::QuasiInvariance;
 pub use model::{
     Advected, Carried, CarriedBy, Condition, ConnectionKind, Coordinate, Domain, FormulationSearch, Given,
     IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid, OwnBracket, Param,
