@@ -40,13 +40,13 @@ mod limits;
 mod matrix_group;
 mod mode;
 mod model;
-mod quasi_invariance;
 mod motions;
 mod names;
 mod noise;
 mod outline;
 mod parser;
 mod parts;
+mod quasi_invariance;
 mod rates;
 mod redundant;
 mod shape;
@@ -88,7 +88,6 @@ pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use mode::{Impact, Mode};
-pub use quasi_invariance::QuasiInvariance;
 pub use model::{
     Advected, Carried, CarriedBy, Condition, ConnectionKind, Coordinate, Domain, FormulationSearch, Given,
     IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid, OwnBracket, Param,
@@ -98,6 +97,7 @@ pub use model::{
 pub use names::LEVEL_MOMENTUM;
 pub use noise::Noise;
 pub use outline::{Declaration, DeclarationKind, Mention, Outline};
+pub use quasi_invariance::QuasiInvariance;
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use size::FamilySize;
 pub use total::{Image, Total};

@@ -47,8 +47,10 @@ pub(super) fn with_invariant_lagrangian(
         let absent = formulation.cyclic_coordinates(&model).into_iter().filter(|k| *k != own.velocity);
         let free = model.graph.free_symbols(own.function);
         if let Some(other) = absent.map(|k| &model.base[k]).find(|c| free.contains(&c.symbol)) {
-            let message =
-                format!("`{}` is up to a function of `{}`, which the state does not have", own.parameter, other.name);
+            let message = format!(
+                "`{}` is up to a function of `{}`, which the state does not have",
+                own.parameter, other.name
+            );
             let help = "translations that do not commute have no momenta that are parameters at once: keep one of them";
             return Err(model.diagnostics(vec![spec::diagnose(&model, own.span, message, help)]));
         }
@@ -93,8 +95,9 @@ fn changed(
     if !model.graph.is_equal(slope, along) {
         let found = primitive(&mut model.graph, slope, &moving);
         let [slope, function] = [slope, own.function].map(|e| model.graph.display(e, Style::Plain));
-        let message =
-            format!("the lagrangian changes along `{name}` by `{slope}`, which is not the rate of `{function}`");
+        let message = format!(
+            "the lagrangian changes along `{name}` by `{slope}`, which is not the rate of `{function}`"
+        );
         let help = match found.map(|f| model.graph.display(f, Style::Plain)) {
             Some(f) if f.len() <= MAX_SHOWN => format!("write `routh {name} = {} up to {f};`", own.parameter),
             _ => "its change along the coordinate is the rate of the function".to_owned(),
@@ -164,7 +167,9 @@ fn with_momenta(
     let mut values = BTreeMap::new();
     let mut added = Vec::new();
     for (name, symbol, velocity) in model.momenta.iter().flat_map(|m| m.components.clone()) {
-        let Some((_, more)) = gauge.iter().find(|(y, _)| velocities.get(velocity) == Some(y)) else { continue };
+        let Some((_, more)) = gauge.iter().find(|(y, _)| velocities.get(velocity) == Some(y)) else {
+            continue;
+        };
         let momentum = model.graph.sym(symbol);
         values.insert(symbol, model.graph.add(momentum, *more));
         added.push((name, symbol));
@@ -178,7 +183,8 @@ fn with_momenta(
             (!is_value || !model.constraints.is_empty()) && model.graph.free_symbols(*e).contains(&symbol)
         };
         if is_state || expressions.iter().any(is_used) {
-            let message = format!("the momentum `{name}` depends on a coordinate that the state does not have");
+            let message =
+                format!("the momentum `{name}` depends on a coordinate that the state does not have");
             let help = format!(
                 "`{}` is up to a function that a part of the lagrangian adds to `{name}`: write velocities in its place",
                 own.parameter

@@ -206,7 +206,9 @@ impl ModelBuilder {
         let drafts: Vec<CarryDraft> = of_model.iter().cloned().chain(of_scenes).collect();
         let mut result: Vec<QuasiInvariance> = Vec::new();
         for draft in drafts {
-            let CarryDraft::Level { cyclic, parameter, up_to: Some((function, span)) } = draft else { continue };
+            let CarryDraft::Level { cyclic, parameter, up_to: Some((function, span)) } = draft else {
+                continue;
+            };
             let (parameter, cyclic) = (parameter.0, cyclic.0);
             let what = format!("the function that the momentum of `{cyclic}` is up to");
             let coordinate = self.base[..self.n_shape()].iter().position(|c| c.name == cyclic);
@@ -222,7 +224,11 @@ impl ModelBuilder {
             let velocities = self.velocity_symbols();
             if let Some(symbol) = free.iter().find(|s| velocities.contains(s)) {
                 let message = format!("{what} contains the velocity `{}`", self.graph.name(*symbol));
-                self.problem(span, message, "it is a function of coordinates, advected parameters and parameters");
+                self.problem(
+                    span,
+                    message,
+                    "it is a function of coordinates, advected parameters and parameters",
+                );
                 continue;
             }
             if self.reports_stray(function, span, &what, &[]) {
