@@ -49,3 +49,4 @@ mod starts;
 mod stumpff;
 mod taylor;
 mod thermo;
+mod turns;
