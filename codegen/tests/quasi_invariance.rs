@@ -48,6 +48,9 @@ fn value(values: &[(&str, f64)], name: &str, otherwise: f64) -> f64 {
     values.iter().find(|(own, _)| *own == name).map_or(otherwise, |(_, x)| *x)
 }
 
+/// Items, the symmetry, the value of the parameter, the state of the whole, and how many variables are left.
+type Case<'a> = (&'a str, &'a str, f64, &'a [(&'a str, f64)], usize);
+
 #[test]
 fn the_reduced_motion_is_that_of_the_whole_at_the_value_of_the_parameter() {
     let of_charge = [("x", 0.9), ("y", -0.4), ("x_dot", 0.7), ("y_dot", 1.1)];
@@ -63,7 +66,7 @@ fn the_reduced_motion_is_that_of_the_whole_at_the_value_of_the_parameter() {
         ("Gamma2", -0.64),
         ("Gamma3", 0.6),
     ];
-    let cases: [(&str, &str, f64, &[(&str, f64)], usize); 4] = [
+    let cases: [Case<'_>; 4] = [
         // m x'' = b y' in both forms of the field: p = m x_dot - b y.
         (CHARGE, "routh x = p up to b/2*y;", 0.5 * 0.7 + 1.5 * 0.4, &of_charge, 2),
         (FORCED, "routh x = p up to b*y;", 0.5 * 0.7 + 1.5 * 0.4, &of_charge, 2),

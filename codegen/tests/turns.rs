@@ -15,6 +15,8 @@ const BODY: &str = "model body {
     scene a { want rhs, phases; }
 }";
 
+type Fault = fn(&mut Program);
+
 fn phases(p: &Program) -> usize {
     p.function_idx(&Role::Output("phases".to_owned())).expect("phases")
 }
@@ -41,7 +43,7 @@ fn wrong_phases_of_an_attitude_do_not_pass() {
     let model = spec::parse("m.hamel", BODY).unwrap_or_else(|e| panic!("{e}"));
     let whole = build_tampered(&model, "a", &|_| {}).unwrap_or_else(|e| panic!("{e}"));
     assert!(whole.outputs().iter().any(|o| o.name == "phases" && o.components[0].0 == "q_geometric"));
-    let faults: [(&str, fn(&mut Program)); 3] = [
+    let faults: [(&str, Fault); 3] = [
         ("a solid angle of the other sense", |p| negate(p, 0)),
         ("a turn in the other sense", |p| negate(p, 1)),
         ("parts that are exchanged", exchange),

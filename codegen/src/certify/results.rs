@@ -447,7 +447,7 @@ impl Results<'_, '_> {
             *entry = self.momentum(&self.motion.moving, model.n_shape() + k)?;
         }
         let norm = u.iter().fold(Dual::constant(Wide::ZERO), |sum, p| sum + *p * *p).sqrt();
-        u.iter_mut().for_each(|p| *p = *p / norm);
+        u.iter_mut().for_each(|p| *p /= norm);
         // Rodrigues' formula: 1 + [v] + [v]^2/(1 + u_3) with v = u x e3.
         let (one, zero) = (Dual::constant(Wide::ONE), Dual::constant(Wide::ZERO));
         let (a, b) = (u[1], -u[0]);
