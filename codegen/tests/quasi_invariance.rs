@@ -1,5 +1,5 @@
-//! Momenta that are parameters up to a function: rates of the whole system in coordinates are those of the reduced one
-//! at the value of the parameter, and faults are found.
+//! Momenta that are parameters up to a function: the reduced system has the rates of the whole one at the value of the
+//! parameter, and faults are found.
 
 use hamel_codegen::scene::{self, BuiltScene, Made, build_tampered};
 use hamel_codegen::spec::{self, Model};

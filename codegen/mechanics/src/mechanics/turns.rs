@@ -17,8 +17,8 @@
 //!
 //! # Source
 //! Montgomery 1991, How much does the rigid body rotate? A Berry's phase from the 18th century, Am. J. Phys. 59, 394;
-//! Cabrera 2007, A generalized Montgomery phase formula for rotating self-deforming bodies, J. Geom. Phys. 57, 1405, for
-//! bodies whose shape changes.
+//! Cabrera 2007, A generalized Montgomery phase formula for rotating self-deforming bodies, J. Geom. Phys. 57, 1405,
+//! for bodies whose shape changes.
 
 use std::collections::BTreeMap;
 

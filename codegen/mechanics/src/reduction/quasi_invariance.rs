@@ -1,6 +1,6 @@
 //! A Lagrangian that a translation of a coordinate changes by the rate of a function, as one that it does not change.
 //!
-//! `dL/du = df/dt` makes `L - dF/dt` with `F = int f du` independent of `u`; its equations of motion are those of `L`,
+//! `dL/du = df/dt` makes `L - dF/dt` with `F = int f du` independent of `u`; it has the equations of motion of `L`,
 //! and its momentum along `u` is `dL/du_dot - f`. At the start `u_0` of the integral `F` and its slopes by everything
 //! but `u` vanish, so that no integral is needed: `L - dF/dt = L - f u_dot` at `u = u_0`, and everywhere.
 //!
@@ -152,8 +152,8 @@ fn at_a_start(
     })
 }
 
-/// Outputs and casimirs keep the momenta of the model: those of the Lagrangian that is invariant, and what the function
-/// adds to them.
+/// Outputs and casimirs keep the momenta of the model: the function adds to the momenta of the Lagrangian that is
+/// invariant.
 ///
 /// # Errors
 /// Such momenta in the state, of a noise, and beside constraints.

@@ -190,7 +190,7 @@ pub struct ReducedSystem {
     pub unknowns: Vec<Unknown>,
     /// Unknowns for which the state carries the momentum, or a parameter is the momentum.
     pub momenta: Vec<CarriedMomentum>,
-    /// What momenta of the model have beside those of the Lagrangian, by their velocities: slopes of the rate of a
+    /// The difference of momenta of the model and of the Lagrangian, by their velocities: slopes of the rate of a
     /// function that was subtracted.
     pub gauge: Vec<(SymbolId, ExprId)>,
     /// State variables in order, with their documentation.

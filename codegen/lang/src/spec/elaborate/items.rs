@@ -473,7 +473,7 @@ impl Elaboration<'_> {
                 Carry::Named(name) => CarryDraft::Named(located(name)),
                 Carry::Level { cyclic, parameter, up_to } => {
                     let function = up_to.as_ref().map(|e| self.located(e));
-                    // What has no value is reported where it stands.
+                    // A function without a value is reported where it stands.
                     let Some(up_to) = function.map_or(Some(None), |value| value.map(Some)) else { continue };
                     CarryDraft::Level { cyclic: located(cyclic), parameter: located(parameter), up_to }
                 }
