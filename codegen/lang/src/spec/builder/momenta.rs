@@ -106,12 +106,12 @@ impl ModelBuilder {
     /// parameter is `dL/dy - f`.
     ///
     /// ```
-    /// use hamel_lang::spec::{Domain, ModelBuilder};
+    /// use hamel_lang::spec::{Domain, ModelBuilder, Rational};
     ///
     /// let mut b = ModelBuilder::new("particle");
     /// let (x, x_dot) = b.coordinate("x", Domain::Real, "");
     /// let (u, u_dot) = b.coordinate("u", Domain::Real, "");
-    /// b.param("p", 1.into(), "");
+    /// b.param("p", Rational::from_integer(1.into()), "");
     /// let squares = [x_dot.mul(b.graph(), &x_dot).unwrap(), u_dot.mul(b.graph(), &u_dot).unwrap()];
     /// let drift = u.mul(b.graph(), &x_dot).unwrap();
     /// let energy = squares[0].add(b.graph(), &squares[1]).unwrap().add(b.graph(), &drift).unwrap();
