@@ -213,6 +213,8 @@ pub enum Error {
         parameter: String,
         /// What contradicts that: the rate of the momentum, or a rate that depends on the coordinate.
         reason: String,
+        /// The item with the function up to which it is a parameter, where one was found.
+        up_to: Option<String>,
     },
     /// Something claimed to be conserved could not be shown to be, nor not to be.
     ConservationUnverified {
@@ -516,9 +518,12 @@ impl Error {
                 ),
                 "carry velocities, without `carry` and `routh`; a `hamiltonian` in momenta may be of any kind".into(),
             ),
-            Error::NotCyclic { velocity, parameter, reason } => (
+            Error::NotCyclic { velocity, parameter, reason, up_to } => (
                 format!("the momentum along {velocity} is no parameter: {reason}"),
-                format!("carry it as state: `momentum {parameter}_{velocity} of {velocity}; carry {parameter}_{velocity};`"),
+                match up_to {
+                    Some(item) => format!("it is one up to a function: write `{item}`"),
+                    None => format!("carry it as state: `momentum {parameter}_{velocity} of {velocity}; carry {parameter}_{velocity};`"),
+                },
             ),
             Error::ConservationUnverified { name, rate } => (
                 format!(

@@ -172,8 +172,21 @@ impl Motion {
             let displacement = Motion::displacement_of(setting, &self.at, momentum.unknown)?;
             let along = definition.group_velocities(&self.at.env, &displacement[..definition.m])?;
             let value = definition.lagrangian(&self.at, &along, &Vec::new())?.derivative;
-            let claimed = Tape::new(&system.graph, &[momentum.value]).eval(&self.at.env)?.roots[0];
-            sheet.equal(RATES, format!("the momentum {}", momentum.name), claimed, value);
+            let what = format!("the momentum {}", momentum.name);
+            let up_to = definition.model.quasi_invariances.iter().find(|q| {
+                // The system's own function may have gone into its Lagrangian: that of the model counts.
+                momentum.symbol.is_none() && q.parameter == momentum.name
+            });
+            let Some(up_to) = up_to else {
+                let claimed = Tape::new(&system.graph, &[momentum.value]).eval(&self.at.env)?.roots[0];
+                sheet.equal(RATES, what, claimed, value);
+                continue;
+            };
+            let model = definition.model;
+            let f = Tape::new(&model.graph, &[up_to.function]).eval(&self.at.env)?.roots[0];
+            let Some(parameter) = model.params.iter().find(|p| p.name == momentum.name) else { continue };
+            let constant = self.at.env.get(parameter.symbol).unwrap_or_default();
+            sheet.zero(RATES, what, &[value, -f, -constant]);
         }
         Ok(())
     }

@@ -406,6 +406,14 @@ impl Results<'_, '_> {
             let rates: Vec<ExprId> = match &item.kind {
                 ReconstructionKind::Angle { omega } => vec![*omega],
                 ReconstructionKind::Translation { v } => v.clone(),
+                ReconstructionKind::Quaternion { omega } => {
+                    let Some((name, _)) = item.blocks.first() else { continue };
+                    let parts = [value(format!("{name}_geometric")), value(format!("{name}_dynamic"))];
+                    if let [Some(geometric), Some(dynamic)] = parts {
+                        self.turn(output, (name, omega), [geometric, dynamic], sheet)?;
+                    }
+                    continue;
+                }
                 _ => continue,
             };
             let rates = Tape::new(&model.graph, &rates).eval(&self.motion.at.env)?.roots;
@@ -416,6 +424,53 @@ impl Results<'_, '_> {
                 }
             }
         }
+        Ok(())
+    }
+
+    /// `Omega = theta' u + (Q^T Q')^v` with the direction `u` of the momentum and the shortest turn `Q` of it to the
+    /// third axis; the dynamic part of `theta'` is `Omega . u`.
+    fn turn(
+        &self,
+        output: &Output,
+        (name, omega): (&str, &[ExprId; 3]),
+        [geometric, dynamic]: [Wide; 2],
+        sheet: &mut Sheet,
+    ) -> Outcome {
+        let definition = &self.setting.definition;
+        let model = definition.model;
+        let turning = Tape::new(&model.graph, omega).eval(&self.motion.at.env)?.roots;
+        let mut u = [Dual::constant(Wide::ZERO); 3];
+        for (e, entry) in omega.iter().zip(&mut u) {
+            let free = model.graph.free_symbols(*e);
+            let own = model.velocities.iter().position(|v| free.contains(&v.symbol));
+            let k = own.ok_or(Open::Because("an attitude that no velocity turns"))?;
+            *entry = self.momentum(&self.motion.moving, model.n_shape() + k)?;
+        }
+        let norm = u.iter().fold(Dual::constant(Wide::ZERO), |sum, p| sum + *p * *p).sqrt();
+        u.iter_mut().for_each(|p| *p /= norm);
+        // Rodrigues' formula: 1 + [v] + [v]^2/(1 + u_3) with v = u x e3.
+        let (one, zero) = (Dual::constant(Wide::ONE), Dual::constant(Wide::ZERO));
+        let (a, b) = (u[1], -u[0]);
+        let cross = [[zero, zero, b], [zero, zero, -a], [-b, a, zero]];
+        let below = one + u[2];
+        let mut q = [[zero; 3]; 3];
+        for (i, row) in q.iter_mut().enumerate() {
+            for (j, entry) in row.iter_mut().enumerate() {
+                let square = (0..3).fold(zero, |sum, k| sum + cross[i][k] * cross[k][j]);
+                *entry = cross[i][j] + square / below + if i == j { one } else { zero };
+            }
+        }
+        let entry =
+            |i: usize, j: usize| (0..3).fold(Wide::ZERO, |sum, k| sum + q[k][i].value * q[k][j].derivative);
+        let of_turn = [entry(2, 1), entry(0, 2), entry(1, 0)];
+        for (k, of_turn) in of_turn.into_iter().enumerate() {
+            let along = [geometric, dynamic].map(|part| -(part * u[k].value));
+            let terms = [turning[k], -of_turn, along[0], along[1]];
+            sheet.zero(&output.name, format!("the turn of {name}"), &terms);
+        }
+        let terms: Vec<Wide> =
+            turning.iter().zip(&u).map(|(w, u)| -(*w * u.value)).chain([dynamic]).collect();
+        sheet.zero(&output.name, format!("the dynamic phase of {name}"), &terms);
         Ok(())
     }
 }

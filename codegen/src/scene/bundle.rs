@@ -5,17 +5,22 @@
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Graph};
 use hamel_lang::spec::Want;
-use hamel_mechanics::mechanics::{Equations, LocalConnection, Output, Phase, StateEquation, phases};
+use hamel_mechanics::mechanics::{
+    Equations, LocalConnection, Output, Phase, StateEquation, of_attitudes, phases,
+};
 
 use super::dependence::{left_out, needs};
 
-/// Rates of the phases of the coordinates that an abelian group moves.
+/// Rates of the phases of the coordinates that an abelian group moves, and of attitudes with a constant momentum.
 pub(super) fn phases_of(
     g: &mut Graph,
     equations: &Equations,
     state: &[StateEquation],
 ) -> Result<Output, Error> {
-    let found = phases(g, equations)?;
+    let mut found = phases(g, equations)?;
+    let (is_abelian, n) = (!found.is_empty(), found.len());
+    found.extend(of_attitudes(g, equations)?);
+    let has_attitude = found.len() > n;
     let left_out = left_out(equations, state);
     let mut components = Vec::new();
     for Phase { name, geometric, dynamic } in found {
@@ -29,12 +34,21 @@ pub(super) fn phases_of(
         }
     }
     if components.is_empty() {
-        let reason = "no coordinate of an abelian group is moved through a connection".into();
-        return Err(Error::NoPhases { reason });
+        let reason = "no coordinate of an abelian group is moved through a connection, and no angular momentum of a \
+                      quaternion is constant in space";
+        return Err(Error::NoPhases { reason: reason.into() });
     }
-    let doc = "rates of the geometric phases, `-A(x) xdot`, and of the dynamic ones, the rest, of the coordinates of \
-               abelian groups";
-    Ok(Output::group(Want::Phases, components, doc))
+    let abelian = "rates of the geometric phases, `-A(x) xdot`, and of the dynamic ones, the rest, of the coordinates of \
+                   abelian groups";
+    let attitudes = "rates of the phases of attitudes, turns about the angular momentum `Pi` that is constant in space: \
+                     the geometric one is minus the solid angle that `Pi` sweeps in the body about the third axis, the \
+                     dynamic one `Omega . Pi/|Pi|`";
+    let doc = match (is_abelian, has_attitude) {
+        (true, true) => format!("{abelian}; {attitudes}"),
+        (false, true) => attitudes.to_owned(),
+        _ => abelian.to_owned(),
+    };
+    Ok(Output::group(Want::Phases, components, &doc))
 }
 
 /// The local form of the connection, and its curvature.

@@ -371,6 +371,10 @@ fn item(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>)> {
             let name = &model.casimirs[k].name;
             (format!("casimir `{name}`"), output_span(name))
         }
+        ExpressionRole::QuasiInvariance(k) => {
+            let own = &model.quasi_invariances[k];
+            (format!("the function that the momentum `{}` is up to", own.parameter), own.span)
+        }
         ExpressionRole::Output(k) => {
             let name = &model.outputs[k].name;
             (format!("output `{name}`"), output_span(name))

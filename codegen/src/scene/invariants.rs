@@ -109,7 +109,9 @@ fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> 
     candidates.extend(momenta.iter().cloned().chain(group(Want::NonholonomicMomentum)));
     candidates.extend(group(Want::Sections));
     // Fields and accelerations have no momenta.
-    let in_space = if momenta.is_empty() { &[][..] } else { &equations.system.momenta_in_space[..] };
+    // A momentum that depends on a coordinate which no state has is missing.
+    let is_whole = momenta.len() >= equations.system.velocities.len() && !momenta.is_empty();
+    let in_space = if is_whole { &equations.system.momenta_in_space[..] } else { &[][..] };
     for (k, a) in in_space.iter().enumerate() {
         // What turns as one vector keeps its products: Casimirs of so(3) and se(3), also where a scene carries no
         // attitude.

@@ -469,13 +469,13 @@ pub(super) enum ItemKind {
     },
 }
 
-/// What a state carries: `carry Pi;`, `routh phi = p;`, `routh Omega -> Pi;`.
+/// What a state carries: `carry Pi;`, `routh phi = p;`, `routh phi = p up to f;`, `routh Omega -> Pi;`.
 #[derive(Clone, Debug)]
 pub(super) enum Carry {
     /// The momenta or the velocities of that name.
     Named(Name),
-    /// The momentum of a cyclic coordinate or velocity is a parameter.
-    Level { cyclic: Name, parameter: Name },
+    /// The momentum of a cyclic coordinate or velocity, less a function, is a parameter.
+    Level { cyclic: Name, parameter: Name, up_to: Option<Expr> },
     /// The momenta of a velocity.
     Momenta { velocity: Name, momentum: Name },
 }

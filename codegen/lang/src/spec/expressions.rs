@@ -53,6 +53,8 @@ pub enum ExpressionRole {
     Reconstruction(usize),
     /// A Casimir.
     Casimir(usize),
+    /// A function up to whose rate the Lagrangian is invariant.
+    QuasiInvariance(usize),
     /// A component of an output.
     Output(usize),
     /// A Lyapunov function, and its rate.
@@ -97,6 +99,7 @@ macro_rules! visit {
             quasi_velocities,
             momenta,
             carries: _,
+            quasi_invariances,
             wants_digits: _,
             action: _,
             connection,
@@ -284,6 +287,10 @@ macro_rules! visit {
                     list.into_iter().for_each(add);
                 }
             }
+        }
+        for (k, own) in quasi_invariances.into_iter().enumerate() {
+            let QuasiInvariance { velocity: _, parameter: _, function, span: _ } = own;
+            $visit(ExpressionRole::QuasiInvariance(k), function);
         }
         for (k, casimir) in casimirs.into_iter().enumerate() {
             let Named { name: _, expr, doc: _ } = casimir;

@@ -46,6 +46,7 @@ mod noise;
 mod outline;
 mod parser;
 mod parts;
+mod quasi_invariance;
 mod rates;
 mod redundant;
 mod shape;
@@ -96,6 +97,7 @@ pub use model::{
 pub use names::LEVEL_MOMENTUM;
 pub use noise::Noise;
 pub use outline::{Declaration, DeclarationKind, Mention, Outline};
+pub use quasi_invariance::QuasiInvariance;
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use size::FamilySize;
 pub use total::{Image, Total};

@@ -13,6 +13,7 @@ use super::layout::Layout;
 use super::matrix_group::MatrixGroup;
 pub(super) use super::mode::Mode;
 pub(super) use super::noise::Noise;
+pub(super) use super::quasi_invariance::QuasiInvariance;
 use super::size::FamilySize;
 use super::total::Total;
 use super::unit::Units;
@@ -494,6 +495,8 @@ pub struct Model {
     pub momenta: Vec<Momentum>,
     /// What the state carries, where that is not the velocity.
     pub carries: Vec<Carried>,
+    /// Symmetries up to the rate of a function, whose momenta are parameters.
+    pub quasi_invariances: Vec<QuasiInvariance>,
     /// Whether all functions of all scenes keep their digits: they carry rounding errors where they lose some.
     pub wants_digits: bool,
     /// Side of the group action.

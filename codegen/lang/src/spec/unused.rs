@@ -272,10 +272,13 @@ fn effective(item: &Item) -> Vec<String> {
     }
 }
 
-/// Cyclic coordinates, and the parameters that are their momenta.
+/// Cyclic coordinates, the parameters that are their momenta, and what these are up to.
 fn levels(carries: &[Carry]) -> Vec<String> {
     let level = |carry: &Carry| match carry {
-        Carry::Level { cyclic, parameter } => vec![cyclic.text.clone(), parameter.text.clone()],
+        Carry::Level { cyclic, parameter, up_to } => {
+            let function = mentions(up_to);
+            function.into_iter().chain([cyclic.text.clone(), parameter.text.clone()]).collect()
+        }
         Carry::Named(_) | Carry::Momenta { .. } => Vec::new(),
     };
     carries.iter().flat_map(level).collect()

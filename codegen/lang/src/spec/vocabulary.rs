@@ -295,6 +295,8 @@ const PARTS: &[(&str, &str, &str)] = &[
     ("from", "", "The velocities that move the group follow."),
     ("relative", "relative Omega", "The velocities that move the frame of a configuration follow."),
     ("where", "where m > 0", "Conditions on the parameter, checked where parameters are given."),
+    ("up", "routh u = p up to x;", "The function follows up to whose rate the Lagrangian is invariant."),
+    ("to", "routh u = p up to x;", "The function follows up to whose rate the Lagrangian is invariant."),
     ("thermo", "virtual thermo;", "Displacements of constraints that are balances of powers."),
     ("along", "force along u: F;", "The velocity that the force or the actuator is paired with follows."),
     ("mass", "mass m;", "The mass of the body."),

@@ -5,15 +5,18 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::reduction::KinematicConstraint;
+use crate::reduction::{CarriedMomentum, KinematicConstraint};
 use hamel_expr::error::Error;
-use hamel_expr::{Definition, ExprId, Graph, SymbolId, inlined, needed_sections};
+use hamel_expr::{Definition, ExprId, Graph, Style, SymbolId, inlined, needed_sections, primitive};
 use hamel_lang::spec::Want;
 
 use super::derive::{Derivation, Motion, Transform};
 use super::equations::{Equations, Legendre, Output};
 use super::limits::MAX_LENGTH;
 use super::solve::Factorisation;
+
+/// Longest functions that help shows.
+const MAX_FUNCTION: usize = 80;
 
 impl Derivation<'_> {
     /// The velocities whose momenta are carried: of the unknowns `u = (u_M, u_V)` those of `u_M` solve
@@ -314,11 +317,8 @@ impl Derivation<'_> {
             }
             let sum = self.g.sum(&terms);
             let rate = self.g.cancel_zero(sum);
-            if carried.symbol.is_none() && !self.g.is_zero(rate) {
-                let velocity = system.unknowns[carried.unknown].name.clone();
-                let rate = self.spelled_out(rate);
-                let reason = format!("its rate is {rate}");
-                return Err(Error::NotCyclic { velocity, parameter: carried.name.clone(), reason });
+            if carried.symbol.is_none() {
+                self.check_conserved(carried, rate)?;
             }
             rates.push(rate);
         }
@@ -329,6 +329,39 @@ impl Derivation<'_> {
         }
         let named = system.momenta.iter().zip(rates);
         Ok(named.map(|(carried, rate)| self.define(&format!("dot_{}", carried.name), rate)).collect())
+    }
+
+    /// `d/dt dL/dy = df/dt` for a momentum that is a parameter up to `f`.
+    ///
+    /// # Errors
+    /// [`Error::NotCyclic`], with a function that it is a parameter up to where one is found.
+    fn check_conserved(&mut self, carried: &CarriedMomentum, rate: ExprId) -> Result<(), Error> {
+        let drift = self.drift(carried.value)?;
+        let excess = self.g.sub(rate, drift);
+        if self.g.is_zero(excess) {
+            return Ok(());
+        }
+        let system = self.system;
+        let velocity = system.unknowns[carried.unknown].name.clone();
+        let excess = self.spelled_out(excess);
+        let reason = format!("its rate is {excess}");
+        let named = carried.cyclic.map(|u| self.g.name(u).to_owned()).unwrap_or_else(|| velocity.clone());
+        let up_to = self.up_to(rate).map(|f| format!("routh {named} = {} up to {f};", carried.name));
+        Err(Error::NotCyclic { velocity, parameter: carried.name.clone(), reason, up_to })
+    }
+
+    /// A function of the base with a rate, as text.
+    fn up_to(&mut self, rate: ExprId) -> Option<String> {
+        let system = self.system;
+        let definitions: Vec<Definition> = self.writer.definitions().copied().collect();
+        let values = inlined(&mut self.g, &definitions);
+        let base = system.algebroid.base().iter().copied();
+        let spelled: Vec<ExprId> = [rate].into_iter().chain(self.rates.iter().copied()).collect();
+        let whole = self.g.subs_all(&spelled, &values).ok()?;
+        let moving: BTreeMap<SymbolId, ExprId> = base.zip(whole[1..].iter().copied()).collect();
+        let f = primitive(&mut self.g, whole[0], &moving)?;
+        let text = self.g.display(f, Style::Plain);
+        (text.len() <= MAX_FUNCTION).then_some(text)
     }
 
     /// Rates as polynomials in momenta and the velocities that these determine, where the terms that cancel then make
@@ -380,6 +413,7 @@ pub(super) fn check_cyclic(equations: &Equations) -> Result<(), Error> {
                         state.name,
                         system.graph.name(coordinate)
                     ),
+                    up_to: None,
                 });
             }
         }

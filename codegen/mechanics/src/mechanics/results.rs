@@ -90,6 +90,29 @@ impl Derivation<'_> {
         frame.original.iter().zip(&momenta).map(|(u, p)| named(&u.name, p)).collect()
     }
 
+    /// Momenta of the model that a state tells: where the rate of a function was subtracted from its Lagrangian, those
+    /// along some velocities depend on a coordinate that no state has.
+    fn momenta_by_state(&mut self) -> Result<Vec<(String, ExprId)>, Error> {
+        let system = self.system;
+        let momenta = self.momenta_of_model();
+        let velocities: Vec<SymbolId> = match &system.frame {
+            Some(frame) => frame.original.iter().map(|u| u.symbol).collect(),
+            None => system.velocities.clone(),
+        };
+        let absent: BTreeSet<SymbolId> = system.momenta.iter().filter_map(|m| m.cyclic).collect();
+        let mut told = Vec::new();
+        for ((name, mut p), velocity) in momenta.into_iter().zip(velocities) {
+            for (_, more) in system.gauge.iter().filter(|(y, _)| *y == velocity) {
+                let more = self.replace(*more)?;
+                p = self.g.add(p, more);
+            }
+            if !self.g.depends_on(p, &absent) {
+                told.push((name, p));
+            }
+        }
+        Ok(told)
+    }
+
     /// Time derivative along the motion of an expression in coordinates, raw velocities, quasi-velocities and time:
     /// `de/dt + de/dx^i xdot^i + de/dy^alpha ydot^alpha + de/ds sdot`.
     ///
@@ -314,7 +337,7 @@ impl Derivation<'_> {
         }
         let mut outputs = Vec::new();
         if has_energy {
-            let momenta = self.momenta_of_model();
+            let momenta = self.momenta_by_state()?;
             outputs.push(Output::group(Want::Momentum, momenta, "momenta p = dL/dy"));
         }
         if !motion.multipliers.is_empty() {

@@ -183,6 +183,7 @@ pub(super) fn on_algebroid(
         degeneracy,
         unknowns,
         momenta,
+        gauge: Vec::new(),
         state,
         casimirs: model.casimirs,
         outputs: model.outputs,

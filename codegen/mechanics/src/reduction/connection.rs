@@ -418,6 +418,7 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
             | ExpressionRole::Frame
             | ExpressionRole::Given(_)
             | ExpressionRole::Section(_)
+            | ExpressionRole::QuasiInvariance(_)
             | ExpressionRole::DomainEnd(_)
             | ExpressionRole::Condition(_)
             | ExpressionRole::Connection

@@ -4,7 +4,7 @@
 
 use num_traits::{One, Zero};
 
-use hamel_expr::{ExprId, Graph, Rational};
+use hamel_expr::{ExprId, Graph, Rational, SymbolId};
 use hamel_lang::algebra::Matrix;
 use hamel_lang::algebra::tableau::{Ring, determinant};
 use hamel_lang::spec::group_motion::{Element, constant, product, transposed};
@@ -17,6 +17,8 @@ pub struct MomentumInSpace {
     pub velocities: Vec<usize>,
     /// In terms of the reconstructed coordinates.
     pub rows: Vec<Vec<ExprId>>,
+    /// The quaternion that turns them, by its name and its scalar part.
+    pub attitude: Option<(String, SymbolId)>,
 }
 
 /// Determinants of larger matrices are not written down.
@@ -127,13 +129,14 @@ pub(super) fn momenta_in_space(
             });
             rows.push(row.collect());
         }
-        found.push(MomentumInSpace { velocities: own.to_vec(), rows });
+        found.push(MomentumInSpace { velocities: own.to_vec(), rows, attitude: None });
     }
     for (space, dim) in group.spaces() {
         let (velocities, after) = moving.split_at(dim);
         moving = after;
         if space == MatrixSpace::Standard {
-            found.push(MomentumInSpace { velocities: velocities.to_vec(), rows: last.clone() });
+            let (velocities, rows) = (velocities.to_vec(), last.clone());
+            found.push(MomentumInSpace { velocities, rows, attitude: None });
         }
     }
     found

@@ -25,6 +25,7 @@ mod matrix_group;
 mod momenta;
 mod noise;
 mod part;
+mod quasi_invariance;
 mod reconstruction;
 mod stages;
 mod system;
@@ -63,6 +64,8 @@ pub fn reduce(model: &Model, formulation: &Formulation) -> Result<ReducedSystem,
     let mut written = chosen(model, formulation);
     written = with_fixed(written, &formulation.fixed)?;
     written = with_held_inputs(written, &formulation.inputs)?;
+    let gauge;
+    (written, gauge) = quasi_invariance::with_invariant_lagrangian(written, formulation)?;
     written = inertialess::without_inertialess(written, formulation)?;
     let mut system = match lifted(&mut written, formulation)? {
         Some(system) => system,
@@ -73,6 +76,7 @@ pub fn reduce(model: &Model, formulation: &Formulation) -> Result<ReducedSystem,
             assemble::on_algebroid(written.clone(), formulation)?
         }
     };
+    system.gauge = gauge;
     system = with_circles(&written, system, &formulation.circles)?;
     frame::with_stages(system)
         .map_err(|error| written.diagnostics(vec![constraint::refused(&written, &error)]))

@@ -19,7 +19,7 @@ pub struct CarriedMomentum {
     pub unknown: usize,
     /// Its name: of the state variable, or of the parameter.
     pub name: String,
-    /// Its symbol, or the number that the parameter is fixed to.
+    /// Its symbol, or the number that the parameter is fixed to, and the function that it is constant up to.
     pub value: ExprId,
     /// Its symbol where it is a state variable; none where it is a parameter.
     pub symbol: Option<SymbolId>,
@@ -74,7 +74,10 @@ pub(super) fn carried(
                         return Err(Box::new(model.diagnose(&error)));
                     }
                 };
-                (name, value, None)
+                let up_to = model.quasi_invariances.iter();
+                let up_to = up_to.filter(|q| q.velocity == *velocity && q.parameter == *name);
+                let functions: Vec<ExprId> = up_to.map(|q| q.function).chain([value]).collect();
+                (name, model.graph.sum(&functions), None)
             }
         };
         let Some(unknown) = place else {

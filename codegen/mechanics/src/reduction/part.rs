@@ -54,7 +54,7 @@ pub enum Part {
     Stages,
     /// A coefficient of a change of frame, or a variable of the state by those of the model.
     Frame,
-    /// A parameter that is a momentum.
+    /// A parameter that is a momentum, or the difference of momenta of the model and of the Lagrangian.
     Momentum,
     /// What is positive inside of the domain, by its place.
     Domain(usize),

@@ -85,7 +85,13 @@ pub(super) fn momenta_in_space(
         ReconstructionKind::Quaternion { .. } | ReconstructionKind::Pose { .. } => {
             let rows = turn(g, &coordinates[..4], side);
             let threes = algebra.clone().step_by(3).filter(|k| k + 3 <= algebra.end);
-            threes.map(|k| MomentumInSpace { velocities: (k..k + 3).collect(), rows: rows.clone() }).collect()
+            let attitude = item.blocks.first().map(|(name, _)| (name.clone(), item.symbols[0]));
+            let of_three = |k| MomentumInSpace {
+                velocities: (k..k + 3).collect(),
+                rows: rows.clone(),
+                attitude: attitude.clone(),
+            };
+            threes.map(of_three).collect()
         }
         ReconstructionKind::PlanarPose { .. } if algebra.len() >= 3 => {
             let [theta, x, y] = [0, 1, 2].map(|k| coordinates[k]);
@@ -107,7 +113,7 @@ pub(super) fn momenta_in_space(
             let rows =
                 [[one, pushed[0], pushed[1]], [zero, rows[0][0], rows[0][1]], [zero, rows[1][0], rows[1][1]]];
             let rows = rows.iter().map(|row| row.to_vec()).collect();
-            vec![MomentumInSpace { velocities: algebra.take(3).collect(), rows }]
+            vec![MomentumInSpace { velocities: algebra.take(3).collect(), rows, attitude: None }]
         }
         ReconstructionKind::Matrix { group, elements, xi: _ } => {
             let elements: Vec<usize> = elements.iter().map(|a| algebra.start + a).collect();

@@ -190,6 +190,9 @@ pub struct ReducedSystem {
     pub unknowns: Vec<Unknown>,
     /// Unknowns for which the state carries the momentum, or a parameter is the momentum.
     pub momenta: Vec<CarriedMomentum>,
+    /// The difference of momenta of the model and of the Lagrangian, by their velocities: slopes of the rate of a
+    /// function that was subtracted.
+    pub gauge: Vec<(SymbolId, ExprId)>,
     /// State variables in order, with their documentation.
     pub state: Vec<(StateKind, String)>,
     /// Casimirs claimed by the model.
@@ -299,6 +302,7 @@ impl ReducedSystem {
             degeneracy,
             unknowns: _,
             momenta,
+            gauge,
             state: _,
             casimirs,
             outputs,
@@ -353,7 +357,8 @@ impl ReducedSystem {
         list.extend(group_equations.iter_mut().map(|(_, e)| (Part::GroupEquation, e)));
         let stages = stages.iter_mut().flat_map(Stages::expressions_mut);
         list.extend(stages.map(|e| (Part::Stages, e)));
-        list.extend(momenta.iter_mut().map(|m| (Part::Momentum, &mut m.value)));
+        let of_momenta = momenta.iter_mut().map(|m| &mut m.value).chain(gauge.iter_mut().map(|(_, e)| e));
+        list.extend(of_momenta.map(|e| (Part::Momentum, e)));
         let domains = domains.iter_mut().map(|d| &mut d.positive);
         list.extend(domains.enumerate().map(|(k, e)| (Part::Domain(k), e)));
         let frame = frame.iter_mut().chain(quasi_frame).flat_map(Frame::expressions_mut);

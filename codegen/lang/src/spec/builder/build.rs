@@ -66,6 +66,7 @@ impl ModelBuilder {
         let totals = self.check_totals();
         let carried = std::mem::take(&mut self.carries);
         let carries = self.check_carries(&carried);
+        let quasi_invariances = self.quasi_invariances(&carried);
         let scenes = self.check_scenes(&carries);
         let drives = self.check_drives();
         let noises = self.check_noises();
@@ -120,6 +121,7 @@ impl ModelBuilder {
             quasi_velocities: self.quasi_velocities,
             momenta: self.momenta,
             carries,
+            quasi_invariances,
             wants_digits: self.wants_digits,
             connection,
             algebroid,

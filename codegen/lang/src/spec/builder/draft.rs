@@ -294,8 +294,8 @@ impl GivenDraft {
 pub(in crate::spec) enum CarryDraft {
     /// The momenta or the velocities of that name.
     Named(Located),
-    /// The momentum of a cyclic coordinate or velocity is a parameter.
-    Level { cyclic: Located, parameter: Located },
+    /// The momentum of a cyclic coordinate or velocity, less a function, is a parameter.
+    Level { cyclic: Located, parameter: Located, up_to: Option<(Value, Option<Span>)> },
     /// The momenta of a velocity.
     Momenta { velocity: Located, momentum: Located },
 }

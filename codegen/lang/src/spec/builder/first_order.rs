@@ -164,6 +164,7 @@ fn of_geometry(model: &Model, role: ExpressionRole) -> Option<(String, Option<Sp
         | ExpressionRole::VirtualConstraint(_)
         | ExpressionRole::Reconstruction(_)
         | ExpressionRole::Casimir(_)
+        | ExpressionRole::QuasiInvariance(_)
         | ExpressionRole::Output(_)
         | ExpressionRole::Lyapunov
         | ExpressionRole::Impact(_)

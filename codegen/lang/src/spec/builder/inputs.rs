@@ -291,6 +291,11 @@ fn refused(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>,
             let name = &model.casimirs[k].name;
             (format!("casimir `{name}`"), places.outputs.get(name).copied(), PLACE)
         }
+        ExpressionRole::QuasiInvariance(k) => {
+            let own = &model.quasi_invariances[k];
+            let what = format!("the function that the momentum `{}` is up to", own.parameter);
+            (what, own.span, "its rate would need the input's: take another part of the force into it")
+        }
         ExpressionRole::Section(k) => {
             let section = &model.sections[k];
             (format!("section `{}`", section.name), section.span, PLACE)

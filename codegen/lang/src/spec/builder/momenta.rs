@@ -99,7 +99,30 @@ impl ModelBuilder {
     /// Fixes the conserved momentum of a cyclic coordinate, or of a velocity, to a parameter (Routh).
     pub fn routh(&mut self, cyclic: &str, parameter: &str) -> &mut Self {
         let [cyclic, parameter] = [cyclic, parameter].map(|name| (name.to_owned(), self.here));
-        self.located_carries(vec![CarryDraft::Level { cyclic, parameter }])
+        self.located_carries(vec![CarryDraft::Level { cyclic, parameter, up_to: None }])
+    }
+
+    /// As [`ModelBuilder::routh`] where the Lagrangian is invariant up to the rate of a function `f` alone: the
+    /// parameter is `dL/dy - f`.
+    ///
+    /// ```
+    /// use hamel_lang::spec::{Domain, ModelBuilder, Rational};
+    ///
+    /// let mut b = ModelBuilder::new("particle");
+    /// let (x, x_dot) = b.coordinate("x", Domain::Real, "");
+    /// let (u, u_dot) = b.coordinate("u", Domain::Real, "");
+    /// b.param("p", Rational::from_integer(1.into()), "");
+    /// let squares = [x_dot.mul(b.graph(), &x_dot).unwrap(), u_dot.mul(b.graph(), &u_dot).unwrap()];
+    /// let drift = u.mul(b.graph(), &x_dot).unwrap();
+    /// let energy = squares[0].add(b.graph(), &squares[1]).unwrap().add(b.graph(), &drift).unwrap();
+    /// b.lagrangian(&energy).routh_up_to("u", "p", &x);
+    /// assert_eq!(b.build().unwrap().quasi_invariances.len(), 1);
+    /// ```
+    pub fn routh_up_to(&mut self, cyclic: &str, parameter: &str, f: &Value) -> &mut Self {
+        let here = self.here;
+        let [cyclic, parameter] = [cyclic, parameter].map(|name| (name.to_owned(), here));
+        let up_to = Some((f.clone(), here));
+        self.located_carries(vec![CarryDraft::Level { cyclic, parameter, up_to }])
     }
 
     pub(in crate::spec) fn located_carries(&mut self, drafts: Vec<CarryDraft>) -> &mut Self {
@@ -150,7 +173,7 @@ impl ModelBuilder {
                     }
                     (found, *span)
                 }
-                CarryDraft::Level { cyclic, parameter } => {
+                CarryDraft::Level { cyclic, parameter, up_to: _ } => {
                     (self.at_level(cyclic, parameter).into_iter().collect(), parameter.1)
                 }
             };
@@ -172,6 +195,53 @@ impl ModelBuilder {
                     break;
                 }
                 result.push(carried);
+            }
+        }
+        result
+    }
+
+    /// The functions up to whose rates the Lagrangian is invariant, of the model and its scenes.
+    pub(super) fn quasi_invariances(&mut self, of_model: &[CarryDraft]) -> Vec<QuasiInvariance> {
+        let of_scenes = self.scenes.iter().flat_map(|draft| draft.carries.clone());
+        let drafts: Vec<CarryDraft> = of_model.iter().cloned().chain(of_scenes).collect();
+        let mut result: Vec<QuasiInvariance> = Vec::new();
+        for draft in drafts {
+            let CarryDraft::Level { cyclic, parameter, up_to: Some((function, span)) } = draft else {
+                continue;
+            };
+            let (parameter, cyclic) = (parameter.0, cyclic.0);
+            let what = format!("the function that the momentum of `{cyclic}` is up to");
+            let coordinate = self.base[..self.n_shape()].iter().position(|c| c.name == cyclic);
+            let slot = coordinate.map_or_else(|| self.slot(&cyclic), |k| vec![k]);
+            // Other problems with these names are reported with the momenta.
+            let [velocity] = slot[..] else { continue };
+            let Value::Scalar(function) = function else {
+                let message = format!("{what} must be a number, found {}", function.shape());
+                self.problem(span, message, "a parameter is one momentum");
+                continue;
+            };
+            let free = self.graph.free_symbols(function);
+            let velocities = self.velocity_symbols();
+            if let Some(symbol) = free.iter().find(|s| velocities.contains(s)) {
+                let message = format!("{what} contains the velocity `{}`", self.graph.name(*symbol));
+                self.problem(
+                    span,
+                    message,
+                    "it is a function of coordinates, advected parameters and parameters",
+                );
+                continue;
+            }
+            if self.reports_stray(function, span, &what, &[]) {
+                continue;
+            }
+            let of_same = result.iter().find(|q| q.velocity == velocity && q.parameter == parameter);
+            match of_same.map(|q| q.function) {
+                Some(other) if !self.graph.is_equal(function, other) => {
+                    let message = format!("`{parameter}` is the momentum of `{cyclic}` up to two functions");
+                    self.problem(span, message, "use another parameter");
+                }
+                Some(_) => {}
+                None => result.push(QuasiInvariance { velocity, parameter, function, span }),
             }
         }
         result

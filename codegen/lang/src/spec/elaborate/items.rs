@@ -193,7 +193,7 @@ impl Elaboration<'_> {
             }
             ItemKind::Algebroid(block) => self.brackets_of_algebroid(block),
             ItemKind::Carry(list) => {
-                let list = located_carries(list);
+                let list = self.carries(list);
                 self.builder.at(span).located_carries(list);
             }
             ItemKind::Want(list) => {
@@ -460,22 +460,28 @@ impl Elaboration<'_> {
         let located = |names: &[Name]| names.iter().map(|w| (w.text.clone(), Some(w.span))).collect();
         let lists = lists.map(located);
         let doc = item.doc.join("\n");
+        let carries = self.carries(carries);
         let builder = self.builder.at(Some(name.span));
-        let carries = located_carries(carries);
         builder.located_scene(&name.text, numbers, lists, carries, (&doc, Some(item.extent)));
     }
-}
 
-fn located_carries(list: &[Carry]) -> Vec<CarryDraft> {
-    let located = |name: &Name| (name.text.clone(), Some(name.span));
-    let carry = |carry: &Carry| match carry {
-        Carry::Named(name) => CarryDraft::Named(located(name)),
-        Carry::Level { cyclic, parameter } => {
-            CarryDraft::Level { cyclic: located(cyclic), parameter: located(parameter) }
+    fn carries(&mut self, list: &[Carry]) -> Vec<CarryDraft> {
+        let located = |name: &Name| (name.text.clone(), Some(name.span));
+        let mut drafts = Vec::new();
+        for carry in list {
+            drafts.push(match carry {
+                Carry::Named(name) => CarryDraft::Named(located(name)),
+                Carry::Level { cyclic, parameter, up_to } => {
+                    let function = up_to.as_ref().map(|e| self.located(e));
+                    // A function without a value is reported where it stands.
+                    let Some(up_to) = function.map_or(Some(None), |value| value.map(Some)) else { continue };
+                    CarryDraft::Level { cyclic: located(cyclic), parameter: located(parameter), up_to }
+                }
+                Carry::Momenta { velocity, momentum } => {
+                    CarryDraft::Momenta { velocity: located(velocity), momentum: located(momentum) }
+                }
+            });
         }
-        Carry::Momenta { velocity, momentum } => {
-            CarryDraft::Momenta { velocity: located(velocity), momentum: located(momentum) }
-        }
-    };
-    list.iter().map(carry).collect()
+        drafts
+    }
 }

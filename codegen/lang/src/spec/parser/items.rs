@@ -652,7 +652,7 @@ impl<'a> Parser<'a> {
         self.comma_separated(|p| Ok(Carry::Named(p.named("the name of a momentum or a velocity")?)))
     }
 
-    /// `phi = p` or `Omega -> Pi`, several with commas.
+    /// `phi = p`, `phi = p up to f` or `Omega -> Pi`, several with commas.
     fn routhian(&mut self) -> Parsed<Vec<Carry>> {
         self.comma_separated(|p| {
             let what = p.named("the name of a cyclic coordinate or of a velocity")?;
@@ -664,7 +664,15 @@ impl<'a> Parser<'a> {
                 return p.expected("`= p` with a parameter, or `-> Pi` with the name of its momentum");
             }
             p.equals()?;
-            Ok(Carry::Level { cyclic: what, parameter: p.named("the parameter that its momentum is")? })
+            let parameter = p.named("the parameter that its momentum is")?;
+            let up_to = match p.word("up") {
+                Some(_) => Some({
+                    p.require_word("to")?;
+                    p.expr()?
+                }),
+                None => None,
+            };
+            Ok(Carry::Level { cyclic: what, parameter, up_to })
         })
     }
 }

@@ -418,6 +418,11 @@ impl Check<'_> {
             Some(h) => self.equal("the hamiltonian", place, h, &energy, "the momenta give"),
             None => self.equal("the lagrangian", place, model.lagrangian, &energy, "the momenta give"),
         }
+        for own in &model.quasi_invariances {
+            let expected = energy.divided(&self.velocity(own.velocity));
+            let what = format!("the function that the momentum `{}` is up to", own.parameter);
+            self.equal(&what, own.span, own.function, &expected, "an energy by the velocity");
+        }
         let names = model.all_velocities();
         let spans = |map: &std::collections::BTreeMap<String, Span>, k: usize| {
             let name = names[k].0;
