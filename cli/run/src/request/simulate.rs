@@ -103,6 +103,24 @@ impl SimulateRequest {
         })
     }
 
+    /// The values in `initial` and `reconstruct`.
+    ///
+    /// # Errors
+    /// [`Error::NotJson`].
+    pub fn given(text: &str) -> Result<BTreeMap<String, f64>, Error> {
+        let Json::Object(entries) = Json::parse(text)? else { return Ok(BTreeMap::new()) };
+        let states = entries.into_iter().filter(|(name, _)| name == "initial" || name == "reconstruct");
+        let values = states.filter_map(|(_, value)| match value {
+            Json::Object(values) => Some(values),
+            _ => None,
+        });
+        let numbers = values.flatten().filter_map(|(name, value)| match value {
+            Json::Number(x) => Some((name, x)),
+            _ => None,
+        });
+        Ok(numbers.collect())
+    }
+
     /// Reads `{"params", "initial", "t_final", "method", "rtol", "atol" or "step", "max_step", "samples",
     /// "max_steps"}`.
     ///
