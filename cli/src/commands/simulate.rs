@@ -346,7 +346,11 @@ fn answer_completed(
         Ok(starts.choose(scene, set, given)?.1)
     };
     let defaults = |params: &BTreeMap<String, f64>| roles::group_start(model, params);
-    let mut completion = Completion { known: known.initial(), choose: &mut choose };
+    // Modes are off where nobody says otherwise.
+    let modes = model.modes.iter().map(|mode| (mode.name.clone(), 0.0));
+    let known: BTreeMap<String, f64> =
+        modes.chain(known.initial().iter().map(|(name, value)| (name.clone(), *value))).collect();
+    let mut completion = Completion { known: &known, choose: &mut choose };
     let mut request =
         SimulateRequest::parse_in(text, &info, &forms, n_group, &defaults, Some(&mut completion))?;
     let sections = SimulateRequest::sections(text)?;

@@ -37,10 +37,21 @@ impl std::fmt::Debug for Completion<'_> {
 }
 
 impl Completion<'_> {
+    /// Takes components that the model gives out of those that are missing.
+    fn leave_out_known(&self, problem: &mut Problem) {
+        if let Problem::MissingNames { absent, .. } = problem
+            && !absent.iter().all(|name| self.known.contains_key(name))
+        {
+            absent.retain(|name| !self.known.contains_key(name));
+        }
+    }
+
     /// Whether the model gives every component that is missing beside `given`; not where none is missing.
     fn completes(&self, given: Vec<&str>, forms: &Forms, n_group: usize) -> bool {
         let zeros = given.iter().map(|name| ((*name).to_owned(), 0.0)).collect();
-        let (Ok(given), Ok(form)) = (forms.with_points(&zeros), forms.form_of(given)) else { return false };
+        let first = forms.with_momenta_of(self.known);
+        let form = forms.form_among(std::slice::from_ref(&first), given);
+        let (Ok(given), Ok(form)) = (forms.with_points(&zeros), form) else { return false };
         let names = forms.names(&form);
         let own = &names[..names.len() - n_group];
         let is_whole = own.iter().all(|name| zeros.contains_key(name));
@@ -201,6 +212,9 @@ impl SimulateRequest {
         } else {
             let (initial, own) = fields.state("initial", initial, forms, n_group);
             form = own;
+            if let Some(model) = &model {
+                fields.problems.iter_mut().for_each(|problem| model.leave_out_known(problem));
+            }
             initial
         };
         let before = fields.problems.len();
