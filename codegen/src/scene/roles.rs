@@ -142,7 +142,8 @@ pub fn initial_slopes(
         else {
             continue;
         };
-        if !values.contains_key(&coordinate.name) && !(*from < 0.0 && 0.0 < *to) {
+        let is_around_zero = *from < 0.0 && 0.0 < *to;
+        if !(is_around_zero || values.contains_key(&coordinate.name)) {
             let ends = graph.sum(&[low, high]);
             let slope = graph.diff(ends, by.symbol);
             slopes
