@@ -394,7 +394,7 @@ fn the_table_of_the_book_is_a_simulation_with_errors() {
     assert!((0.75..1.3).contains(&ratio), "{answer}");
 }
 
-/// The state has the momentum, and the start depends on what is fitted: the mass in the momentum, a place in a formula.
+/// The state has the momentum, and the start depends on parameters that are free: the mass, and one in a formula.
 #[test]
 fn a_start_moves_with_the_parameters_that_are_fitted() {
     let text = "model carried {

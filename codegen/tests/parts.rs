@@ -232,7 +232,7 @@ fn parts_have_parts() {
     }
 }
 
-/// An impact in a part, a parameter with a name that looks like a multiplier, and an index that the whole has a name for.
+/// An impact in a part, a parameter that is called like a multiplier, and an index that is a coordinate of the whole.
 #[test]
 fn impacts_and_loops_of_parts_are_their_own() {
     let slider = "model slider {

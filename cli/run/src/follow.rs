@@ -45,7 +45,7 @@ pub struct Follower<'a> {
     /// The scene with the residuals of the constraints that a state can violate.
     residuals: Option<Built>,
     forms: Forms,
-    /// The variables in which the model gives its initial values, or those of a start that is given as a whole.
+    /// The variables in which the model gives its initial values, or the user a whole start.
     first: Form,
     prior: Prior,
     /// What the user gave.
@@ -113,8 +113,7 @@ impl<'a> Follower<'a> {
         Follower { model, scene, residuals, forms, first, prior, given, is_whole, velocities, base }
     }
 
-    /// The same from a start, by its parameters and its state, whose values that the model gives by parameters move with
-    /// these.
+    /// The same from a start, by its parameters and its state: values that the model gives by parameters move with them.
     #[must_use]
     pub fn from(mut self, params: Vec<f64>, initial: Vec<f64>) -> Follower<'a> {
         self.base = Some((params, initial));

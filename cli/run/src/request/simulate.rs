@@ -37,7 +37,7 @@ impl std::fmt::Debug for Completion<'_> {
 }
 
 impl Completion<'_> {
-    /// Takes components that the model gives out of those that are missing.
+    /// Takes components that the model gives out of the missing ones.
     fn leave_out_known(&self, problem: &mut Problem) {
         if let Problem::MissingNames { absent, .. } = problem
             && !absent.iter().all(|name| self.known.contains_key(name))

@@ -231,7 +231,7 @@ fn check_algebra(model: &Model, part: &Part) -> Result<(), String> {
     Ok(())
 }
 
-/// The events of a part are those of the whole by their names, and do the same to what they set.
+/// The whole has the events of a part by their names, and they do the same.
 fn check_events(model: &Model, part: &Part) -> Result<(), String> {
     let mode = |of: &Model, event: &Event| event.mode.map(|k| of.modes[k].name.clone());
     let sets = |of: &Model, event: &Event, renamed: &dyn Fn(&str) -> String| -> Vec<String> {
