@@ -113,7 +113,8 @@ impl<'a> Follower<'a> {
         Follower { model, scene, residuals, forms, first, prior, given, is_whole, velocities, base }
     }
 
-    /// The same from a start, by its parameters and its state: values that the model gives by parameters move with them.
+    /// The same from a start, by its parameters and its state: values that the model gives by parameters move with
+    /// them.
     #[must_use]
     pub fn from(mut self, params: Vec<f64>, initial: Vec<f64>) -> Follower<'a> {
         self.base = Some((params, initial));

@@ -116,8 +116,8 @@ pub fn initial_values(model: &Model, params: &BTreeMap<String, f64>) -> BTreeMap
     values
 }
 
-/// Derivatives by a parameter of the initial values that a model gives a scene with the parameters `set`, of their points
-/// of circles, and of middles of intervals.
+/// Derivatives by a parameter of the initial values that a model gives a scene with the parameters `set`, of their
+/// points of circles, and of middles of intervals.
 pub fn initial_slopes(
     model: &Model,
     scene: &str,

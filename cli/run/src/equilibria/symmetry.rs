@@ -14,9 +14,9 @@
 //! dF Z = 0,   Dg Z(y) = Z(g(y))
 //! ```
 //!
-//! All are linear in the entries of `S` and `b`: the null space of their values at random states. Translations of cyclic
-//! coordinates, rotations of a plane with
-//! the heading in it, turns of a symmetric body about its axis are such fields.
+//! All are linear in the entries of `S` and `b`: the null space of their values at random states. Translations of
+//! cyclic coordinates, rotations of a plane with the heading in it, turns of a symmetric body about its axis are such
+//! fields.
 //!
 //! Does not know: what a symmetry is used for.
 
