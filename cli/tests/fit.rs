@@ -583,3 +583,38 @@ fn pieces_that_start_on_their_own_find_a_chaotic_motion() {
     let data = file("restricted.csv", "t,x\n0,0.3\n1,0.1\n2,0.2\n");
     refused(&[&pair, "--data", &data, "--free", "x", "--segments", "2"], 2, &["segments start at states"]);
 }
+
+/// The state has the momentum, and the start depends on parameters that are free: the mass, and one in a formula.
+#[test]
+fn a_start_moves_with_the_parameters_that_are_fitted() {
+    let text = "model carried {
+        param m = 1 where m > 0;
+        param k = 3;
+        param a = 0.2;
+        coordinate x in real;
+        momentum p of x_dot;
+        carry p;
+        lagrangian = m*x_dot^2/2 - k*x^2/2;
+        initial x = a^2;
+        initial x_dot = 1;
+    }";
+    let model = file("carried.hamel", text);
+    let (m, k, a) = (1.3_f64, 2.5_f64, 0.8_f64);
+    let w = (k / m).sqrt();
+    let mut data = "t,x,p\n".to_owned();
+    for t in (0..30).map(|i| 0.1 * f64::from(i)) {
+        let (s, c) = (w * t).sin_cos();
+        let (x, v) = (a * a * c + s / w, c - a * a * w * s);
+        writeln!(data, "{t:?},{x:?},{:?}", m * v).unwrap();
+    }
+    let data = file("carried.csv", &data);
+    let answer = fit_json(&[&model, "--data", &data, "--free", "m,k,a"]);
+    let pieces = fit_json(&[&model, "--data", &data, "--free", "m,k,a", "--segments", "3"]);
+    for (name, expected) in [("m", m), ("k", k), ("a", a)] {
+        assert!((estimate(&answer, name, "value") - expected).abs() < 1e-7, "{answer}");
+        assert!((estimate(&pieces, name, "value") - expected).abs() < 1e-7, "{pieces}");
+    }
+    // The start of the answer is the one that `simulate` has with these parameters.
+    assert!((answer["initial"]["x"].as_f64().unwrap() - a * a).abs() < 1e-7, "{answer}");
+    assert!((answer["initial"]["p"].as_f64().unwrap() - m).abs() < 1e-7, "{answer}");
+}

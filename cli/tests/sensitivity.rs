@@ -144,9 +144,13 @@ fn file(name: &str, text: &str) -> String {
 
 /// The derivative of the component `component` by `by` in the file that a simulation wrote.
 fn at_end(model: &str, arguments: &[&str], by: &str, component: &str) -> f64 {
-    let json = file("events.json", "");
-    let arguments =
-        [&["simulate", model, "--initial", "z=1.1", "z_dot=0"], arguments, &["-o", &json]].concat();
+    at_end_of(model, &[&["--initial", "z=1.1", "z_dot=0"], arguments].concat(), by, component)
+}
+
+fn at_end_of(model: &str, arguments: &[&str], by: &str, component: &str) -> f64 {
+    let json = file(&format!("at_end_{}", Path::new(model).file_stem().unwrap().display()), "");
+    let json = std::fs::canonicalize(json).unwrap().with_extension("json");
+    let arguments = [&["simulate", model], arguments, &["-o", json.to_str().unwrap()]].concat();
     let (is_fine, _, message) = hamel(&arguments);
     assert!(is_fine, "{message}");
     let answer: Value = serde_json::from_str(&std::fs::read_to_string(&json).unwrap()).unwrap();
@@ -211,4 +215,76 @@ fn tables_pictures_and_the_summary_have_them() {
         assert!((value(row, "d_x_d_x") - exact).abs() < 1e-8, "{row}: {table}");
     }
     assert!(std::fs::read_to_string(&svg).unwrap().contains("Derivative by k"));
+}
+
+/// The state has the momentum, initial values are a place and a velocity, and both depend on the mass.
+const CARRIED: &str = "model carried {
+    param m = 0.7 where m > 0;
+    param k = 2;
+    coordinate x in real;
+    momentum p of x_dot;
+    carry p;
+    lagrangian = m*x_dot^2/2 - k*x^2/2;
+    initial x = m^2;
+    initial x_dot = 1/m;
+}";
+
+/// Place and momentum of that model at the time one.
+fn carried(m: f64, [x, v]: [f64; 2]) -> [f64; 2] {
+    let w = (2.0 / m).sqrt();
+    let (s, c) = w.sin_cos();
+    [x * c + v / w * s, m * (v * c - x * w * s)]
+}
+
+#[test]
+fn starts_in_other_variables_move_with_the_parameters() {
+    let model = file("carried.hamel", CARRIED);
+    // By differences of the closed form.
+    let slopes = |start: &dyn Fn(f64) -> [f64; 2]| {
+        let (h, m) = (1e-5, 0.7);
+        let [after, before] = [m + h, m - h].map(|m| carried(m, start(m)));
+        [(after[0] - before[0]) / (2.0 * h), (after[1] - before[1]) / (2.0 * h)]
+    };
+    let check = |what: &str, found: &dyn Fn(&str) -> f64, expected: [f64; 2]| {
+        for (component, expected) in ["x", "p"].iter().zip(expected) {
+            let found = found(component);
+            assert!((found - expected).abs() < 1e-8, "{what}: {component} {found} {expected}");
+        }
+    };
+    type Start<'a> = &'a dyn Fn(f64) -> [f64; 2];
+    let cases: [(&[&str], Value, Start<'_>); 4] = [
+        (&[], json!({}), &|m| [m * m, 1.0 / m]),
+        (&["x=0.4"], json!({"x": 0.4}), &|m| [0.4, 1.0 / m]),
+        (&["x=0.4", "x_dot=1.5"], json!({"x": 0.4, "x_dot": 1.5}), &|_| [0.4, 1.5]),
+        (&["x=0.4", "p=1.5"], json!({"x": 0.4, "p": 1.5}), &|m| [0.4, 1.5 / m]),
+    ];
+    for (given, initial, start) in cases {
+        let mut arguments = vec!["--t-final", "1", "--sensitivity", "m", "--rtol", "1e-12"];
+        if !given.is_empty() {
+            arguments.push("--initial");
+            arguments.extend(given);
+        }
+        let found = |component: &str| at_end_of(&model, &arguments, "m", component);
+        check(&format!("{given:?}"), &found, slopes(start));
+        let request = json!({"initial": initial, "t_final": 1, "sensitivity": ["m"], "rtol": 1e-12});
+        let out =
+            program::output(&mut program::command(&["simulate", &model, "--json"]), &request.to_string());
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        let answer: Value = serde_json::from_slice(&out.stdout).unwrap();
+        check(&request.to_string(), &|component| at(&answer, "m", component), slopes(start));
+    }
+}
+
+/// Nobody gives the place, which is the middle of its interval.
+#[test]
+fn a_middle_of_an_interval_moves_with_its_ends() {
+    let text = "model between {
+        param a = 1 where a > 0;
+        coordinate x in (a, 4*a);
+        lagrangian = x_dot^2/2;
+        initial x_dot = 0.1;
+    }";
+    let model = file("between.hamel", text);
+    let found = at_end_of(&model, &["--t-final", "1", "--sensitivity", "a"], "a", "x");
+    assert!((found - 2.5).abs() < 1e-9, "{found}");
 }

@@ -309,3 +309,26 @@ fn one_state_in_every_language() {
         }
     }
 }
+
+/// What the model gives may be left out, in the variables in which it gives it, and modes are off then.
+#[test]
+fn requests_leave_out_what_the_model_gives_and_modes() {
+    let text = "model held {
+        param m = 2;
+        coordinate x, y in real;
+        lagrangian = m*(x_dot^2 + y_dot^2)/2;
+        mode line { constraint y = 0; }
+        event touch = y falling { enter line; }
+        initial x = 1; initial x_dot = 3; initial y = 2;
+    }";
+    let model = file("held.hamel", text);
+    let ask = |initial: &str| {
+        let request = format!("{{\"initial\": {initial}, \"t_final\": 1}}");
+        let (code, answer, message) = hamel(&["simulate", &model, "--json"], &request);
+        (code == Some(0), answer + &message)
+    };
+    let (is_fine, answer) = ask("{\"y_dot\": -1}");
+    assert!(is_fine && answer.contains("\"line\":0.0"), "{answer}");
+    let (is_fine, message) = ask("{}");
+    assert!(!is_fine && message.contains("initial lacks y_dot\n"), "{message}");
+}

@@ -487,3 +487,52 @@ fn fields_have_no_momenta_in_space() {
     assert!((found.state[0] - std::f64::consts::PI).abs() < 1e-9, "{found:?}");
     assert!(matches!(found.stability.verdict, Verdict::Asymptotic { .. }), "{:?}", found.stability);
 }
+
+/// A ball on a table that shakes, with the phase as a coordinate, as a state, and as the time.
+#[test]
+fn events_restrict_the_symmetries_of_an_orbit() {
+    let table = |phase: &str, kinetic: &str, angle: &str| {
+        format!(
+            "model table {{
+                param a = 0.06; param e = 0.8; param w = 8;
+                coordinate z in real;
+                {phase}
+                lagrangian = z_dot^2/2 - 9.81*z{kinetic};
+                event hit = z - a*sin({angle}) falling {{ then z_dot = -e*z_dot + (1 + e)*a*w*cos({angle}); }}
+                initial z = 0.1; initial z_dot = 3.66;
+            }}"
+        )
+    };
+    let coordinate = table("coordinate ph in angle; constraint ph_dot = w;", " + ph_dot^2/2", "ph");
+    let state = table("state ph in angle by ph_dot = w;", "", "ph");
+    // The multipliers of the map from one impact to the next at its fixed point, `v = pi g/w`, by differences.
+    let multiplier = [0.533_044_09, 0.596_543_38];
+    for text in [coordinate, state] {
+        let orbit = one(&text, "default", &around(0.785, at(&[("ph", 0.625)])));
+        let period = orbit.period.unwrap();
+        assert!((period - std::f64::consts::TAU / 8.0).abs() < 1e-9, "{orbit:?}");
+        assert!(orbit.drifts.is_empty(), "{orbit:?}");
+        let found = orbit.stability.multipliers.first().unwrap();
+        assert!((found[0] - multiplier[0]).abs() < 1e-6, "{orbit:?}");
+        assert!((found[1].abs() - multiplier[1]).abs() < 1e-6, "{orbit:?}");
+    }
+    let driven = table("", "", "w*t");
+    let told = find(&model(&driven), "default", &around(0.785, Asked::default())).unwrap_err().to_string();
+    assert!(told.contains("depends on time"), "{told}");
+}
+
+/// Along the wall a drift is a symmetry still, and one that events only tell of is none of their business.
+#[test]
+fn symmetries_that_events_keep_are_left() {
+    let text = "model wall {
+        coordinate x, y in real;
+        lagrangian = (x_dot^2 + y_dot^2 - x^2)/2;
+        event wall = x falling { then x_dot = -x_dot; }
+        event told = y - 3;
+        initial x = 0.5; initial x_dot = 0.2; initial y_dot = 0.3;
+    }";
+    let orbit = one(text, "default", &around(3.0, Asked::default()));
+    assert!((orbit.period.unwrap() - std::f64::consts::PI).abs() < 1e-9, "{orbit:?}");
+    assert!(orbit.drifts.iter().any(|drift| (drift - orbit.state[3]).abs() < 1e-9), "{orbit:?}");
+    assert!(orbit.state[3].abs() > 0.1, "{orbit:?}");
+}

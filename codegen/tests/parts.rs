@@ -64,6 +64,16 @@ fn rates(scene: &BuiltScene, value: &dyn Fn(&str) -> f64) -> BTreeMap<String, f6
     names.into_iter().zip(dy).collect()
 }
 
+/// Components of an output at values of the scene's state and parameters by their names.
+fn outputs(scene: &BuiltScene, output: &str, value: &dyn Fn(&str) -> f64) -> BTreeMap<String, f64> {
+    let params: Vec<f64> = scene.params().iter().map(|p| value(&p.name)).collect();
+    let y: Vec<f64> = scene.state_names().iter().map(|name| value(name)).collect();
+    let interpreter = scene.prepare(&params).unwrap();
+    let group = scene.outputs().iter().find(|group| group.name == output).unwrap();
+    let names = group.components.iter().map(|(name, _)| name.clone());
+    names.zip(interpreter.output(output, 0.4, &y).unwrap()).collect()
+}
+
 /// A number of a name: the same for the same name.
 fn number(name: &str) -> f64 {
     let hash = name.bytes().fold(17_u64, |h, b| h.wrapping_mul(131).wrapping_add(u64::from(b)));
@@ -218,6 +228,44 @@ fn parts_have_parts() {
         let of_part = |name: &str| if name == "n" { n } else { number(&format!("{part}_{name}")) };
         for (name, rate) in rates(&one, &of_part) {
             assert!(close(all[&format!("{part}_{name}")], rate), "{part} {name}");
+        }
+    }
+}
+
+/// An impact in a part, a parameter that is called like a multiplier, and an index that is a coordinate of the whole.
+#[test]
+fn impacts_and_loops_of_parts_are_their_own() {
+    let slider = "model slider {
+        param lambda_g = 2;
+        param e = 0.4;
+        coordinate x: vector(2) in real;
+        lagrangian = sum(k*x_dot[k]^2 for k in 1..2) + x1_dot*x2_dot - lambda_g*x1*x2;
+        mode wall {
+            constraint h: x1 + x2/2 = 0;
+            event off when lambda_h < -lambda_g { leave wall; }
+        }
+        event touch = x1 + x2/2 falling { impact wall with e; }
+        event stick = x2 - 1 rising { enter wall; }
+    }";
+    let text = "model two {
+        coordinate k in real;
+        use \"slider.hamel\" as a { lambda_g = 3; }
+        use \"slider.hamel\" as b;
+        lagrangian = k_dot^2;
+    }";
+    let two = whole(text, &[("slider.hamel", slider)]).unwrap();
+    let one = spec::parse("slider.hamel", slider).unwrap();
+    let [two, one] = [&two, &one].map(|m| scene::build(m, "default").unwrap());
+    for (part, g) in [("a", 3.0), ("b", number("b_lambda_g"))] {
+        let of_part = |name: &str| if name == "lambda_g" { g } else { number(&format!("{part}_{name}")) };
+        for event in ["touch", "stick", "off"] {
+            let own = outputs(&one, &format!("after_{event}"), &of_part);
+            let all = outputs(&two, &format!("after_{part}_{event}"), &number);
+            assert!(!own.is_empty());
+            for (name, value) in own {
+                let name = name.replace(&format!("after_{event}_"), &format!("after_{part}_{event}_{part}_"));
+                assert!(close(all[&name], value), "{name}: {all:?} {value}");
+            }
         }
     }
 }

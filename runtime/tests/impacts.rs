@@ -115,6 +115,65 @@ fn impacts_that_accumulate_are_an_error() {
     assert!(matches!(error, Err(Error::TooManyEvents { limit: 5, .. })), "{error:?}");
 }
 
+/// A ball on a floor that moves, in a field that drifts: of its last flights rounding hides the height.
+#[derive(Clone, Copy, Debug)]
+struct Moving {
+    restitution: f64,
+    frequency: f64,
+    amplitude: f64,
+}
+
+impl System<f64> for Moving {
+    type State = [f64; 4];
+    fn rhs(&self, _t: f64, y: &[f64; 4], dy: &mut [f64; 4]) {
+        *dy = [y[2], y[3], -0.3 * y[1], -G - 0.3 * y[0]];
+    }
+}
+
+impl Events<f64, 2> for Moving {
+    const DIRECTIONS: [Direction; 2] = [Direction::Falling, Direction::Rising];
+    fn event_values(&self, t: f64, y: &[f64; 4]) -> [f64; 2] {
+        [y[1] - self.amplitude * (self.frequency * t).sin(), (7.0 * t).sin() - 0.3 * self.restitution]
+    }
+    fn event_apply(&self, index: usize, t: f64, y: &mut [f64; 4]) -> Action {
+        if index == 0 {
+            let floor = self.amplitude * self.frequency * (self.frequency * t).cos();
+            y[3] = floor - self.restitution * (y[3] - floor);
+            y[0] += 0.1 * self.restitution;
+        } else {
+            y[2] += 0.01 * self.frequency;
+        }
+        Action::Restart
+    }
+}
+
+#[test]
+fn impacts_that_rounding_hides_let_nothing_through() {
+    fn check<M: Method<f64, Moving>>(method: M, step: f64, moving: Moving) {
+        let options = Options::fixed(step);
+        let mut solver = Integrator::new(&moving, method, 0.0, [0.0, 0.0, 0.8, -0.5], options).unwrap();
+        let end = solver.integrate_through_events(1.4, |_| ControlFlow::Continue(()));
+        let name = M::TABLEAU.name;
+        assert!(matches!(end, Err(Error::EventsAccumulate { index: 0, .. })), "{name} {moving:?}: {end:?}");
+    }
+    for (restitution, frequency, amplitude) in [
+        (0.5486000000000019, 4.404999999999987, 0.029800000000000184),
+        (0.6674, 1.8950000000000014, 0.1582000000000001),
+        (0.7177999999999992, 1.8150000000000013, 0.18539999999999993),
+        (0.8527999999999963, 1.6900000000000261, 0.04039999999999964),
+    ] {
+        check(Gauss4::fixed_point(), 0.05, Moving { restitution, frequency, amplitude });
+    }
+    for (restitution, frequency, amplitude) in [
+        (0.46940000000000737, 2.7450000000000188, 0.14420000000000074),
+        (0.8527999999999963, 1.6900000000000261, 0.04039999999999964),
+        (0.7988000000000007, 1.2400000000000002, 0.11839999999999976),
+        (0.841999999999996, 2.6000000000000014, 0.05600000000000023),
+    ] {
+        check(Vern9, 0.1, Moving { restitution, frequency, amplitude });
+    }
+}
+
 /// A ball in a corner: two walls and a switch, all within one step.
 struct Corner;
 

@@ -135,7 +135,7 @@ impl Asked {
             true => Vec::new(),
             false => {
                 let scene = interpreted::build(model, &info.scene)?;
-                let follower = Follower::new(model, (&scene, &Forms::of(model, &info)?), [&set, &given])?;
+                let follower = Follower::new(model, (&scene, Forms::of(model, &info)?), [&set, &given])?;
                 follower.tangents(&along, (&params, &initial), &[])?
             }
         };

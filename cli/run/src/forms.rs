@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex};
 use hamel_codegen::scene::{self, Executable};
 use hamel_codegen::spec::circle_names;
 use hamel_program::program::{Role, ViolatedCondition};
+use hamel_runtime::{Dual, Real};
 use serde::{Deserialize, Serialize};
 
 use super::dynamics::BadParams;
@@ -287,31 +288,59 @@ impl Forms {
         if from == to {
             return Ok(y.to_vec());
         }
-        let mut values: BTreeMap<String, f64> = self.names(from).into_iter().zip(y.iter().copied()).collect();
+        let converted = self.converted((params, params), t, y, [from, to])?;
+        match converted.iter().position(|x| !x.is_finite()) {
+            Some(at) => {
+                let reason =
+                    format!("has no finite {}, which follows from the other names", self.names(to)[at]);
+                Err(Error::State { path: "the state".into(), reason })
+            }
+            None => Ok(converted),
+        }
+    }
+
+    /// The derivative of [`convert`](Self::convert) along a direction of the parameters and one of the state, which
+    /// dual numbers have.
+    ///
+    /// # Errors
+    /// As [`Forms::convert`].
+    pub fn slope(&self, along: &[Dual], y: &[Dual], [from, to]: [&Form; 2]) -> Result<Vec<Dual>, Error> {
+        if from == to {
+            return Ok(y.to_vec());
+        }
+        let params: Vec<f64> = along.iter().map(|x| x.value).collect();
+        self.converted((along, &params), Dual::constant(0.0), y, [from, to])
+    }
+
+    /// A state in another form, over any scalar; the parameters also by their values.
+    fn converted<R: Real>(
+        &self,
+        (params, values_of_params): (&[R], &[f64]),
+        t: R,
+        y: &[R],
+        [from, to]: [&Form; 2],
+    ) -> Result<Vec<R>, Error> {
+        let mut values: BTreeMap<String, R> = self.names(from).into_iter().zip(y.iter().copied()).collect();
+        let bad = |bad: ViolatedCondition| {
+            let bad = BadParams { condition: bad.condition, meaning: bad.meaning };
+            refused(&self.info, values_of_params, bad)
+        };
         if from.is_carried() {
             let scene = self.scene_with(from)?;
-            let interpreter = self.prepared(&scene.executable, params)?;
+            let interpreter = scene.executable.prepare_over(params).map_err(bad)?;
             let found = interpreter.outputs(t, &in_order(&scene.state, &values));
             values.extend(scene.outputs.iter().cloned().zip(found));
         }
         if to.is_carried() {
             let scene = self.scene_with(to)?;
-            let interpreter = self.prepared(&scene.executable, params)?;
+            let interpreter = scene.executable.prepare_over(params).map_err(bad)?;
             let velocities = in_order(&scene.velocities, &values);
             let Some(found) = interpreter.legendre(t, &in_order(&scene.state, &values), &velocities) else {
                 return Err(Error::unusable("the state", "has momenta that do not follow from velocities"));
             };
             values.extend(scene.carried.iter().cloned().zip(found));
         }
-        let names = self.names(to);
-        let converted = in_order(&names, &values);
-        match converted.iter().position(|x| !x.is_finite()) {
-            Some(at) => {
-                let reason = format!("has no finite {}, which follows from the other names", names[at]);
-                Err(Error::State { path: "the state".into(), reason })
-            }
-            None => Ok(converted),
-        }
+        Ok(in_order(&self.names(to), &values))
     }
 
     /// The value of one variable of some form at a state of the scene; none where there is no such variable.
@@ -325,15 +354,6 @@ impl Forms {
         let Ok(form) = self.form_of([name]) else { return Ok(None) };
         let Some(at) = self.names(&form).iter().position(|own| own == name) else { return Ok(None) };
         Ok(Some(self.convert(params, 0.0, y, [&self.own, &form])?[at]))
-    }
-
-    fn prepared<'a>(
-        &self,
-        executable: &'a Executable,
-        params: &[f64],
-    ) -> Result<scene::Interpreter<'a>, Error> {
-        let bad = |bad: ViolatedCondition| BadParams { condition: bad.condition, meaning: bad.meaning };
-        executable.prepare(params).map_err(|e| refused(&self.info, params, bad(e)))
     }
 
     /// The scene with what a form holds as state, and its velocities as outputs.
@@ -378,6 +398,6 @@ impl Form {
 }
 
 /// Values by name; zero for what is about to be found in a state.
-fn in_order(names: &[String], values: &BTreeMap<String, f64>) -> Vec<f64> {
-    names.iter().map(|name| values.get(name).copied().unwrap_or_default()).collect()
+fn in_order<R: Real>(names: &[String], values: &BTreeMap<String, R>) -> Vec<R> {
+    names.iter().map(|name| values.get(name).copied().unwrap_or(R::ZERO)).collect()
 }

@@ -155,7 +155,8 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     };
     let own = interpreted::build(model, &info.scene)?;
     let forms = Forms::of(model, &info)?;
-    let follower = Follower::new(model, (&own, &forms), [&set, &given])?.without_slopes();
+    let follower = Follower::new(model, (&own, forms), [&set, &given])?
+        .from(request.params.clone(), request.initial.clone());
     let follower = follower.is_restricted().then_some(&follower as &dyn Follows);
     let response = fit_with_bar(&scene, &request, follower)?;
     let title = model::title(model);

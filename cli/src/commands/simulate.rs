@@ -313,7 +313,7 @@ fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
     }
     if reconstructs {
         let mut request = reconstructing(&scene, model()?, &text, &forms)?;
-        follow(&mut request, model, &info)?;
+        follow(&mut request, model, &info, &text)?;
         return respond(&scene, &request);
     }
     let mut request = SimulateRequest::parse_in(&text, &info, &forms, 0, &|_| Vec::new(), None)?;
@@ -325,19 +325,21 @@ fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
     if projects || !(has_all || admissible::is_judged_by(&info)) {
         judge(model()?, &request, &info)?;
     }
-    follow(&mut request, model, &info)?;
+    follow(&mut request, model, &info, &text)?;
     respond(&scene, &request)
 }
 
-/// Derivatives of the initial state of a request that stay on the equations of the model.
+/// Derivatives of the initial state of a request that is given as a whole: they stay on the equations of the model.
 fn follow<'m>(
     request: &mut SimulateRequest,
     model: impl Fn() -> Result<&'m Arc<Checked>, Error>,
     info: &Info,
+    text: &str,
 ) -> Result<(), Error> {
     if !request.along.is_empty() {
-        let scene = interpreted::build(model()?, &info.scene)?;
-        let follower = Follower::of_whole(model()?, &scene);
+        let (model, given) = (model()?, SimulateRequest::given(text)?);
+        let scene = interpreted::build(model, &info.scene)?;
+        let follower = Follower::of_whole(model, (&scene, Forms::of(model, info)?), &given)?;
         request.tangents = follower.tangents(&request.along, (&request.params, &request.initial), &[])?;
     }
     Ok(())
@@ -360,13 +362,24 @@ fn answer_completed(
         Ok(starts.choose(scene, set, given)?.1)
     };
     let defaults = |params: &BTreeMap<String, f64>| roles::group_start(model, params);
-    let mut completion = Completion { known: known.initial(), choose: &mut choose };
+    // Modes are off where nobody says otherwise.
+    let modes = model.modes.iter().map(|mode| (mode.name.clone(), 0.0));
+    let known: BTreeMap<String, f64> =
+        modes.chain(known.initial().iter().map(|(name, value)| (name.clone(), *value))).collect();
+    let mut completion = Completion { known: &known, choose: &mut choose };
     let mut request =
         SimulateRequest::parse_in(text, &info, &forms, n_group, &defaults, Some(&mut completion))?;
     let sections = SimulateRequest::sections(text)?;
     request.watched = Watched::new(model, &info, &sections, "sections")?;
     judge(model, &request, &info)?;
-    follow(&mut request, || Ok(model), &info)?;
+    if !request.along.is_empty() {
+        let own = interpreted::build(model, &info.scene)?;
+        let names = info.param_names().into_iter().map(str::to_owned);
+        let set = names.zip(request.params.iter().copied()).collect();
+        let given = SimulateRequest::given(text)?;
+        let follower = Follower::new(model, (&own, Forms::of(model, &info)?), [&set, &given])?;
+        request.tangents = follower.tangents(&request.along, (&request.params, &request.initial), &[])?;
+    }
     let response = simulate_with_bar(scene, &request)?;
     warn(&response);
     let mut answer = response.to_json(&info, n_group);

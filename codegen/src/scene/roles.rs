@@ -116,8 +116,8 @@ pub fn initial_values(model: &Model, params: &BTreeMap<String, f64>) -> BTreeMap
     values
 }
 
-/// Derivatives by a parameter of the initial values that a model gives a scene with the parameters `set`, also of
-/// points of circles.
+/// Derivatives by a parameter of the initial values that a model gives a scene with the parameters `set`, of their
+/// points of circles, and of middles of intervals.
 pub fn initial_slopes(
     model: &Model,
     scene: &str,
@@ -129,11 +129,27 @@ pub fn initial_slopes(
     let symbols = model.params.iter().filter_map(|p| Some((p.symbol, *params.get(&p.name)?))).collect();
     let mut graph = model.graph.clone();
     let mut slopes = BTreeMap::new();
+    let roles_of = variable_roles(model, &params);
     for (name, e) in &model.initial {
         let slope = graph.diff(*e, by.symbol);
         slopes.extend(graph.eval_f64(slope, &symbols).map(|slope| (name.clone(), slope)));
     }
     let values = initial_values(model, &params);
+    // The middle of an interval without zero moves with its ends.
+    for (coordinate, role) in model.base.iter().map(|c| (c, roles_of.get(&c.name))) {
+        let (Domain::Interval(low, high), Some(VariableRole::Bounded { from, to })) =
+            (coordinate.domain, role)
+        else {
+            continue;
+        };
+        let is_around_zero = *from < 0.0 && 0.0 < *to;
+        if !(is_around_zero || values.contains_key(&coordinate.name)) {
+            let ends = graph.sum(&[low, high]);
+            let slope = graph.diff(ends, by.symbol);
+            slopes
+                .extend(graph.eval_f64(slope, &symbols).map(|slope| (coordinate.name.clone(), slope / 2.0)));
+        }
+    }
     for coordinate in &model.base {
         let (Some(angle), Some(slope)) =
             (values.get(&coordinate.name), slopes.get(&coordinate.name).copied())

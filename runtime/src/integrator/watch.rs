@@ -50,6 +50,19 @@ enum Phase {
     Starts,
 }
 
+/// How a function goes on that its own event has left on zero, and that is behind zero later.
+#[derive(Clone, Copy, Debug)]
+enum Behind<R> {
+    /// No two values tell yet.
+    Unknown,
+    /// At a rate: the event lets it through.
+    Passes,
+    /// From a rate of zero: the event has taken all of the rate, and does not hold the function.
+    Rests,
+    /// Not at once: it has this value before zero at a place of the part.
+    Returned(R, R),
+}
+
 /// The event functions between two steps.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Watch<R, const K: usize> {
@@ -72,6 +85,9 @@ pub(super) struct Watch<R, const K: usize> {
     fired: [bool; K],
     /// Times of the last restart by each event.
     restarts: [Option<R>; K],
+    /// Whether a function was never off zero by more than rounding between its last event and the one before: the last
+    /// one may be none.
+    is_blind: [bool; K],
     /// Shortest distance of times that matters beside the whole of the motion.
     shortest: f64,
     left: u64,
@@ -173,6 +189,7 @@ impl<R: Real, const K: usize> Watch<R, K> {
             due: [false; K],
             fired: [false; K],
             restarts: [None; K],
+            is_blind: [false; K],
             shortest: SHORTEST * R::EPSILON * (t_end - t).magnitude(),
             left: limit,
             limit,
@@ -331,13 +348,14 @@ impl<R: Real, const K: usize> Watch<R, K> {
             if start == R::ZERO {
                 let is_behind = last != own && direction.may_end(last - own);
                 if phase == Phase::Restarted && is_behind {
-                    match self.rests(index, part, within)? {
-                        None => return Ok(None),
-                        Some(false) => {}
-                        Some(true) => {
+                    match self.behind(index, part, within)? {
+                        Behind::Unknown => return Ok(None),
+                        Behind::Passes if !self.is_blind[index] => {}
+                        Behind::Passes | Behind::Rests => {
                             let t = self.restarts[index].unwrap_or(ends.from);
                             return Err(Error::EventsAccumulate { t: signed(t), index });
                         }
+                        Behind::Returned(x, value) => (start, first) = (x, value),
                     }
                 }
                 if last == own {
@@ -346,6 +364,37 @@ impl<R: Real, const K: usize> Watch<R, K> {
             }
             self.phases[index] = Phase::Apart;
         }
+        let found = self.change(index, part, (start, first, level), within)?;
+        let (Some(t), Phase::Restarted) = (found, phase) else { return Ok(found) };
+        self.is_blind[index] = self.is_rounding(index, part, t);
+        if !self.is_blind[index] {
+            return Ok(found);
+        }
+        // Rounding has a sign of its own; the function may leave zero later.
+        let noise = self.noise(index);
+        for x in ends.departures() {
+            let later = ends.time(R::from_f64(x));
+            if (later - ends.from).magnitude() <= (t - ends.from).magnitude() {
+                continue;
+            }
+            let value = finite_values(later, within.values(later)?)?[index] - own;
+            if value.magnitude() > noise && direction.is_change(value, last - own) {
+                self.is_blind[index] = false;
+                return self.change(index, part, (R::from_f64(x), value + own, own), within);
+            }
+        }
+        Ok(found)
+    }
+
+    /// The first change of sign of a function less a level in a part behind a place, where the function has a value.
+    fn change(
+        &mut self,
+        index: usize,
+        part: &Part<R, K>,
+        (start, first, level): (R, R, R),
+        within: &mut impl Within<R, K>,
+    ) -> Result<Option<R>, Error> {
+        let (ends, direction) = (part.ends, self.directions[index]);
         // The first two places between which the sign changes; one at which there is none is passed over.
         let (mut from, mut change) = ((start, first - level), None);
         let places = PLACES.iter().zip(&part.values).skip(1);
@@ -388,7 +437,7 @@ impl<R: Real, const K: usize> Watch<R, K> {
         within: &mut impl Within<R, K>,
     ) -> Result<Option<(f64, R)>, Error> {
         let last = part.values[N_PLACES - 1][index];
-        let (level, noise) = (self.levels[index], NOISE * R::EPSILON * self.largest[index]);
+        let (level, noise) = (self.levels[index], self.noise(index));
         let noise = noise.min(0.5 * (last - level).magnitude());
         let mut x = FIRST;
         while x < 1.0 {
@@ -402,21 +451,37 @@ impl<R: Real, const K: usize> Watch<R, K> {
         Ok((last != level).then(|| (1.0, last - level)))
     }
 
-    /// Whether a function that its own event has left on zero goes on behind it from a rate of zero: the event has
-    /// taken all of the rate, and does not hold the function. None where no two values tell yet.
+    /// Values of a function up to this size are rounding.
+    fn noise(&self, index: usize) -> f64 {
+        NOISE * R::EPSILON * self.largest[index]
+    }
+
+    /// Whether a function that comes back to its level at a time after a restart has been off it by rounding alone.
+    ///
+    /// ```text
+    /// b s (s - T):   at most b T^2/4 in between, and near b h^2 at the end of a part of length h
+    /// ```
+    fn is_rounding(&self, index: usize, part: &Part<R, K>, t: R) -> bool {
+        let Some(restart) = self.restarts[index] else { return false };
+        let last = part.values[N_PLACES - 1][index] - self.levels[index];
+        let ratio = (t - restart).magnitude() / (part.ends.to - part.ends.from).magnitude();
+        last.magnitude() * ratio * ratio <= 4.0 * self.noise(index)
+    }
+
+    /// How a function that its own event has left on zero goes on behind it.
     ///
     /// ```text
     /// a s + b s^2:   as a power of the time s since the restart, 1 where a is not zero, and 2 where it is
     /// ```
-    fn rests(
+    fn behind(
         &self,
         index: usize,
         part: &Part<R, K>,
         within: &mut impl Within<R, K>,
-    ) -> Result<Option<bool>, Error> {
+    ) -> Result<Behind<R>, Error> {
         let (ends, level) = (part.ends, self.levels[index]);
-        let noise = NOISE * R::EPSILON * self.largest[index];
-        let Some(restart) = self.restarts[index] else { return Ok(Some(false)) };
+        let noise = self.noise(index);
+        let Some(restart) = self.restarts[index] else { return Ok(Behind::Passes) };
         let [from, to] = [ends.from, ends.to].map(|t| (t - restart).magnitude());
         let mut value = |s: f64| {
             let t = ends.time(R::from_f64((s - from) / (to - from)));
@@ -431,20 +496,21 @@ impl<R: Real, const K: usize> Watch<R, K> {
             first = Some((s, value(s)?)).filter(|(_, value)| value.abs() > noise);
             x *= NEXT;
         }
-        let Some((s, at_s)) = first else { return Ok(None) };
+        let Some((s, at_s)) = first else { return Ok(Behind::Unknown) };
         if at_s * self.sides[index] < 0.0 {
-            return Ok(Some(false));
+            return Ok(Behind::Returned(R::from_f64((s - from) / (to - from)), R::from_f64(at_s) + level));
         }
         let later = (NEXT * s).min(to);
         if later < 2.0 * s {
-            return Ok(None);
+            return Ok(Behind::Unknown);
         }
         let at_later =
             if later < to { value(later)? } else { signed(part.values[N_PLACES - 1][index] - level) };
         let (growth, ratio) = (at_later / at_s, later / s);
         let square = growth * growth;
         let cube = ratio * ratio * ratio;
-        Ok(Some(growth > 0.0 && square > cube && square < cube * ratio * ratio))
+        let is_square = growth > 0.0 && square > cube && square < cube * ratio * ratio;
+        Ok(if is_square { Behind::Rests } else { Behind::Passes })
     }
 
     /// The time of the first event that is still to be told.

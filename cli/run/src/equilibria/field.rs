@@ -4,7 +4,7 @@
 
 use hamel_codegen::scene::{Executable, Interpreter};
 use hamel_codegen::spec::Want;
-use hamel_program::program::{Operand, Program, Role};
+use hamel_program::program::{Program, Role};
 use hamel_runtime::{Dual, Real};
 use nalgebra::DMatrix;
 
@@ -83,6 +83,20 @@ pub(super) struct Values<R> {
     /// Constraints that a state can violate.
     pub(super) residuals: Vec<R>,
     pub(super) outputs: Vec<R>,
+    /// The functions of [`Field::acting`], and behind them what each of these events sets.
+    pub(super) events: Vec<R>,
+}
+
+/// An event that changes the state or ends the motion.
+#[derive(Clone, Debug)]
+pub(super) struct Acting {
+    /// Its function, by its place among [`Values::events`].
+    pub(super) function: usize,
+    /// What it sets: the places in the state, and that of the first value among [`Values::events`].
+    pub(super) sets: (Vec<usize>, usize),
+    /// Its place among the events of the scene, and the output with what it sets.
+    place: usize,
+    after: String,
 }
 
 impl<R: Real> Values<R> {
@@ -95,6 +109,7 @@ impl<R: Real> Values<R> {
             positions: list(&self.positions),
             residuals: list(&self.residuals),
             outputs: list(&self.outputs),
+            events: list(&self.events),
         }
     }
 
@@ -106,7 +121,7 @@ impl<R: Real> Values<R> {
 
 impl Values<f64> {
     pub(super) fn are_finite(&self) -> bool {
-        self.rates.iter().chain(self.kept()).all(|x| x.is_finite())
+        self.rates.iter().chain(self.kept()).chain(&self.events).all(|x| x.is_finite())
     }
 }
 
@@ -122,6 +137,7 @@ pub(super) struct Field<'a> {
     own_residuals: std::ops::Range<usize>,
     energy: Energy,
     energy_among_invariants: Option<usize>,
+    acting: Vec<Acting>,
 }
 
 /// Where the energy is that is constant along every motion.
@@ -155,7 +171,27 @@ impl<'a> Field<'a> {
             own_residuals: own.unwrap_or(0..0),
             energy,
             energy_among_invariants,
+            acting: Vec::new(),
         }
+    }
+
+    /// The same with the events that act along its motions.
+    #[must_use]
+    pub(super) fn with_events(mut self) -> Field<'a> {
+        let events = self.scene.events.iter().enumerate();
+        let acting: Vec<_> = events.filter(|(_, event)| event.stops || !event.sets.is_empty()).collect();
+        let mut first = acting.len();
+        for (function, (place, event)) in acting.into_iter().enumerate() {
+            let sets = (event.sets.clone(), first);
+            first += event.sets.len();
+            self.acting.push(Acting { function, sets, place, after: event.after() });
+        }
+        self
+    }
+
+    /// The events that act along its motions.
+    pub(super) fn acting(&self) -> &[Acting] {
+        &self.acting
     }
 
     /// Names of the invariants.
@@ -194,6 +230,14 @@ impl<'a> Field<'a> {
             Energy::Invariant(k) => Some(invariants[k]),
             Energy::Nowhere => None,
         };
+        let mut events = Vec::new();
+        if !self.acting.is_empty() {
+            let functions = scene.events(t, &at.y)?;
+            events.extend(self.acting.iter().map(|event| functions[event.place]));
+            for event in self.acting.iter().filter(|event| !event.sets.0.is_empty()) {
+                events.extend(scene.output(&event.after, t, &at.y)?);
+            }
+        }
         Some(Values {
             rates,
             energy: energy.into_iter().collect(),
@@ -201,6 +245,7 @@ impl<'a> Field<'a> {
             positions: group(self.positions, Want::Positions)?,
             residuals,
             outputs,
+            events,
         })
     }
 
@@ -233,11 +278,21 @@ impl<'a> Field<'a> {
         Some(hessian)
     }
 
-    /// Whether the rates read the time.
+    /// Whether the rates read the time, or the events do that act.
     pub(super) fn reads_time(&self) -> bool {
-        let Some(rates) = self.scene.program.function(&Role::Rate) else { return false };
-        let read = rates.instructions.iter().flat_map(|i| i.op.operands());
-        read.chain(rates.outputs()).any(|operand| operand == Operand::Time)
+        let program = &self.scene.program;
+        let reads = |role: &Role, result: Option<usize>| {
+            let Some(function) = program.function(role) else { return false };
+            match result {
+                Some(k) => function.reads_time(k),
+                None => (0..function.results.len()).any(|k| function.reads_time(k)),
+            }
+        };
+        let output = |name: &str| Role::Output(name.to_owned());
+        let event = |event: &Acting| {
+            reads(&output(Want::Events.name()), Some(event.place)) || reads(&output(&event.after), None)
+        };
+        reads(&Role::Rate, None) || self.acting.iter().any(event)
     }
 
     /// Why the rates cannot be believed at a point.

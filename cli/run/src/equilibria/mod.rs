@@ -140,6 +140,7 @@ pub fn find(model: &Arc<Checked>, scene: &str, asked: &Asked) -> Result<Answer, 
     let built = if asked.period.is_some() { built.in_memory() } else { built };
     let residuals = built.with_residuals();
     let field = Field::new(&built, residuals.as_ref(), asked.t.unwrap_or(0.0));
+    let field = if asked.period.is_some() { field.with_events() } else { field };
     let search = Search::new(model, &built, &field, asked)?;
     search.answer()
 }
@@ -204,7 +205,7 @@ impl<'a> Search<'a> {
         let value = |input: &ParamEntry| hold.get(&input.name).copied().unwrap_or(input.default);
         let guess = Point { y, inputs: info.inputs.iter().map(value).collect(), params };
         if asked.period.is_some() && field.reads_time() {
-            let reason = "depends on time: only motions without time in their equations come back";
+            let reason = "depends on time: only motions without time in their equations and events come back";
             return Err(Error::unusable("the motion", reason));
         }
         if asked.t.is_none() && field.reads_time() {
@@ -213,8 +214,17 @@ impl<'a> Search<'a> {
         }
         let prior = Prior::of(model, &info.scene, &set);
         let is_velocity: Vec<bool> = velocity_names.iter().map(|name| prior.is_velocity(name)).collect();
-        let is_angle =
-            |name: &String| model.base.iter().any(|c| c.name == *name && matches!(c.domain, Domain::Angle));
+        let of_base = model.base.iter().map(|c| (&c.name, c.domain));
+        let of_states = model
+            .first_order
+            .iter()
+            .flat_map(|state| state.components.iter().map(|(name, _)| (name, state.domain)));
+        let angles: Vec<&String> = of_base
+            .chain(of_states)
+            .filter(|(_, domain)| matches!(domain, Domain::Angle))
+            .map(|(name, _)| name)
+            .collect();
+        let is_angle = |name: &String| angles.contains(&name);
         let mut search = Search {
             asked,
             built,

@@ -7,16 +7,23 @@
 //! [Z, f] = Df Z - DZ f = 0   and   dI Z = 0
 //! ```
 //!
-//! for the energy and whatever depends on positions alone and is kept, `I`. Both are linear in the entries of `S` and
-//! `b`: the null space of their values at random states. Translations of cyclic coordinates, rotations of a plane with
-//! the heading in it, turns of a symmetric body about its axis are such fields.
+//! for the energy and whatever depends on positions alone and is kept, `I`. Where events act along a motion, it keeps
+//! their functions `F` as well, and goes through what they set, `g`:
+//!
+//! ```text
+//! dF Z = 0,   Dg Z(y) = Z(g(y))
+//! ```
+//!
+//! All are linear in the entries of `S` and `b`: the null space of their values at random states. Translations of
+//! cyclic coordinates, rotations of a plane with the heading in it, turns of a symmetric body about its axis are such
+//! fields.
 //!
 //! Does not know: what a symmetry is used for.
 
 use hamel_expr::uniform;
 use nalgebra::{DMatrix, DVector};
 
-use super::field::{Field, Point, Values, Variable};
+use super::field::{Acting, Field, Point, Values, Variable};
 
 /// Most entries of `S` and `b` that are looked for; beyond, translations alone are.
 const MAX_ENTRIES: usize = 400;
@@ -142,6 +149,7 @@ pub(super) fn find(field: &Field<'_>, at: &Point, is_velocity: &[bool], kept: &K
     for _ in 0..n_entries / n + SPARE_STATES {
         let Some((point, values, slopes)) = states.next_state() else { return Vec::new() };
         rows.extend(conditions(&entries, kept, &point.y, &values, &slopes));
+        rows.extend(conditions_of_events(&entries, field.acting(), &point.y, &values, &slopes));
     }
     let matrix = DMatrix::from_fn(rows.len(), n_entries, |i, j| rows[i][j]);
     // As many rows as columns, with the same singular values.
@@ -215,6 +223,46 @@ fn conditions(
     if kept.energy {
         rows.push(gradient(&|by| by.energy[0]));
     }
+    of_size_one(rows)
+}
+
+/// The same for events: their functions are kept, and so is what they do.
+fn conditions_of_events(
+    entries: &Entries,
+    acting: &[Acting],
+    y: &[f64],
+    values: &Values<f64>,
+    slopes: &[Values<f64>],
+) -> Vec<Vec<f64>> {
+    let mut rows = Vec::new();
+    for event in acting {
+        let units: Vec<(usize, f64, f64)> =
+            (0..entries.len()).map(|k| entries.unit(k, y, &values.rates)).collect();
+        rows.push(units.iter().map(|(i, z, _)| slopes[*i].events[event.function] * z).collect());
+        let (sets, first) = &event.sets;
+        if sets.is_empty() {
+            continue;
+        }
+        let mut after = y.to_vec();
+        sets.iter().enumerate().for_each(|(k, place)| after[*place] = values.events[first + k]);
+        for row in 0..y.len() {
+            let set = sets.iter().position(|place| *place == row);
+            let entry = |(k, (i, z, _)): (usize, &(usize, f64, f64))| {
+                let own = if *i == row { entries.unit(k, &after, &values.rates).1 } else { 0.0 };
+                let moved = match set {
+                    Some(at) => slopes[*i].events[first + at] * z,
+                    None if *i == row => *z,
+                    None => 0.0,
+                };
+                moved - own
+            };
+            rows.push(units.iter().enumerate().map(entry).collect());
+        }
+    }
+    of_size_one(rows)
+}
+
+fn of_size_one(mut rows: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     for row in &mut rows {
         let size = row.iter().fold(0.0, |max: f64, x| max.max(x.abs()));
         if size > 0.0 {

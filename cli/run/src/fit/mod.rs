@@ -48,7 +48,7 @@ pub fn fit(
     let info = factory.info();
     has_state(info)?;
     noise::refuse(info, "whose paths no fit follows")?;
-    check(request, follower.is_some())?;
+    check(request, follower.is_some_and(Follows::is_on_equations))?;
     let mut motions = Motions::new((factory, follower), request, progress)?;
     let (found, starts) = search::search(&mut motions, request)?;
     let n = motions.n_integrated();

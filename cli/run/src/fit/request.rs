@@ -183,6 +183,9 @@ impl FitResponse {
 
 /// How a start stays on its equations while parameters and components of it change.
 pub trait Follows {
+    /// Whether equations between coordinates, or constraints, restrict a start.
+    fn is_on_equations(&self) -> bool;
+
     /// A state moved onto its equations, with the components that `given` names as they are.
     ///
     /// # Errors

@@ -88,7 +88,8 @@ impl<'a> Motions<'a> {
         self.told(at)
     }
 
-    fn residuals(&self, request: &FitRequest, x: &[f64]) -> Result<Linearised, Error> {
+    /// Parameters and the start of the motion, with its derivatives by the unknowns behind it.
+    pub(super) fn start(&self, request: &FitRequest, x: &[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> {
         let (params, mut initial) = values(request, x);
         let base = prepare(self.factory, &params)?;
         let mut tangents = Vec::new();
@@ -97,9 +98,14 @@ impl<'a> Motions<'a> {
             tangents = follower.tangents(&request.free, (&params, &initial), &request.free)?;
         }
         admissible::check(&*base, &initial, 0)?;
+        let along = Along::new(self.factory, &request.free, request.method, "fit")?;
+        Ok((params, along.initial(&initial, &tangents)))
+    }
+
+    fn residuals(&self, request: &FitRequest, x: &[f64]) -> Result<Linearised, Error> {
+        let (params, start) = self.start(request, x)?;
         let leg = Leg { directions: &request.free, t: 0.0, rows: 0..request.times.len(), end: None };
         let along = Along::new(self.factory, &request.free, request.method, "fit")?;
-        let start = along.initial(&initial, &tangents);
         let passed = leg.pass((self.factory, &along), request, &params, &start)?;
         let n_cells = passed.slopes.len();
         let priors: Vec<(usize, f64, f64)> = priors(request, x).collect();

@@ -107,98 +107,73 @@ impl Shooting {
     /// The unknowns near a start, and the states of the pieces behind the first: each piece is fitted on its own, from
     /// where the one before ends.
     fn one_by_one(&self, motions: &mut Motions<'_>, start: &[f64]) -> Vec<f64> {
-        let (n, n_free) = (self.errors.len(), self.request.free.len());
-        let mut x = start.to_vec();
-        let mut from: Option<Vec<f64>> = None;
-        for piece in 0..self.rows.len() {
-            let directions: Vec<Direction> = match piece {
-                0 => self.request.free.clone(),
-                _ => (0..n).map(Direction::Initial).collect(),
-            };
+        let (n, n_free) = (self.errors.len(), start.len());
+        let of_state: Vec<Direction> = (0..n).map(Direction::Initial).collect();
+        let sizes: Vec<f64> = start.iter().map(|x| x.abs().max(ERRORS)).collect();
+        let mut x = loosely(motions, start, &sizes, &|motions, z| self.first(motions, z));
+        let mut passed = self.first(motions, &x);
+        for piece in 1..self.rows.len() {
             let (params, initial) = values(&self.request, &x[..n_free]);
-            let origin = from.clone().unwrap_or(initial);
-            let first = if piece == 0 { x.clone() } else { origin.clone() };
-            let found = minimise(&first, STEPS.div_ceil(first.len() + 1), &mut None, &mut |z: &[f64]| {
-                let (params, state) = match piece {
-                    0 => values(&self.request, z),
-                    _ => (params.clone(), z.to_vec()),
-                };
-                let passed = self.pass(motions, piece, (&directions, &params, &state));
-                let at = passed.map(|passed| {
-                    // What the piece does not determine stays where the piece before has left it.
-                    let (scale, n_cells) =
-                        (|j: usize| LOOSE / self.scale_of(piece, j, &first), passed.residuals.len());
-                    let m = first.len();
-                    let residuals = DVector::from_fn(n_cells + m, |k, _| match k.checked_sub(n_cells) {
-                        None => passed.residuals[k],
-                        Some(j) => (z[j] - first[j]) * scale(j),
-                    });
-                    let jacobian = DMatrix::from_fn(n_cells + m, m, |k, i| match k.checked_sub(n_cells) {
-                        None => passed.slopes[k][i],
-                        Some(j) => {
-                            if i == j {
-                                scale(j)
-                            } else {
-                                0.0
-                            }
-                        }
-                    });
-                    Linearised { residuals, jacobian }
-                });
-                motions.told(at)
-            });
-            let own = found.map_or(first, |found| found.x);
-            if piece == 0 {
-                x = own;
-            } else {
-                x.extend(&own);
-            }
-            // Of the best point, where the last one was another.
-            let (params, initial) = values(&self.request, &x[..n_free]);
-            let state = if piece == 0 { initial } else { x[x.len() - n..].to_vec() };
-            let passed = self.pass(motions, piece, (&directions, &params, &state));
-            from = Some(passed.map_or(state, |passed| passed.end[..n].to_vec()));
+            // Where the piece before has no end, its start is the next best.
+            let before = if piece == 1 { initial } else { x[x.len() - n..].to_vec() };
+            let from = passed.map_or(before, |passed| passed.end[..n].to_vec());
+            let along =
+                |motions: &Motions<'_>, z: &[f64]| self.later(motions, piece, (&of_state, &params, z));
+            let own = loosely(motions, &from, &self.errors, &along);
+            passed = along(motions, &own);
+            x.extend(&own);
         }
         x
     }
 
-    /// The size of an unknown of a piece that is fitted on its own.
-    fn scale_of(&self, piece: usize, j: usize, first: &[f64]) -> f64 {
-        if piece == 0 { first[j].abs().max(ERRORS) } else { self.errors[j] }
+    /// The motion along the first piece, with derivatives by the unknowns.
+    fn first(&self, motions: &Motions<'_>, x: &[f64]) -> Result<Passed, Error> {
+        let (params, start) = motions.start(&self.request, x)?;
+        self.pass(motions, 0, (&self.request.free, &params, &start))
     }
 
-    /// The motion along a piece.
+    /// The motion along another piece, from a state.
+    fn later(
+        &self,
+        motions: &Motions<'_>,
+        piece: usize,
+        (directions, params, state): (&[Direction], &[f64], &[f64]),
+    ) -> Result<Passed, Error> {
+        admissible::check(&*prepare(motions.factory, params)?, state, 0)?;
+        let along = Along::new(motions.factory, directions, self.request.method, "fit")?;
+        self.pass(motions, piece, (directions, params, &along.initial(state, &[])))
+    }
+
+    /// The motion along a piece from a state with its derivatives.
     fn pass(
         &self,
         motions: &Motions<'_>,
         piece: usize,
         (directions, params, start): (&[Direction], &[f64], &[f64]),
     ) -> Result<Passed, Error> {
-        let base = prepare(motions.factory, params)?;
-        admissible::check(&*base, start, 0)?;
         let along = Along::new(motions.factory, directions, self.request.method, "fit")?;
         let end = Some(self.ends[piece + 1]);
         let leg = Leg { directions, t: self.ends[piece], rows: self.rows[piece].clone(), end };
-        leg.pass((motions.factory, &along), &self.request, params, &along.initial(start, &[]))
+        leg.pass((motions.factory, &along), &self.request, params, start)
     }
 
     /// Residuals of the data on all pieces, of the priors, and of the gaps between pieces.
     fn linearised(&self, motions: &Motions<'_>, weight: f64, x: &[f64]) -> Result<Linearised, Error> {
         let request = &self.request;
         let (n, n_free) = (self.errors.len(), request.free.len());
-        let (params, initial) = values(request, x);
+        let (params, _) = values(request, x);
         let mut rows: Vec<(f64, Vec<(usize, f64)>)> = Vec::new();
         // Places of the unknowns that each piece is differentiated by.
         let state_of = |piece: usize| n_free + (piece - 1) * n..n_free + piece * n;
         for piece in 0..self.rows.len() {
-            let (directions, places, start) = match piece {
-                0 => (&request.free, (0..n_free).collect::<Vec<usize>>(), initial.as_slice()),
+            let (places, passed) = match piece {
+                0 => ((0..n_free).collect::<Vec<usize>>(), self.first(motions, &x[..n_free])?),
                 _ => {
                     let places = self.of_params.iter().copied().chain(state_of(piece)).collect();
-                    (&self.inner, places, &x[state_of(piece)])
+                    let state = &x[state_of(piece)];
+                    (places, self.later(motions, piece, (&self.inner, &params, state))?)
                 }
             };
-            let passed = self.pass(motions, piece, (directions, &params, start))?;
             for (residual, slopes) in passed.residuals.into_iter().zip(passed.slopes) {
                 rows.push((residual, places.iter().copied().zip(slopes).collect()));
             }
@@ -221,6 +196,33 @@ impl Shooting {
         }
         Ok(Linearised { residuals, jacobian })
     }
+}
+
+/// The unknowns of a piece that is fitted on its own: those that it does not determine stay where they start.
+fn loosely(
+    motions: &mut Motions<'_>,
+    start: &[f64],
+    sizes: &[f64],
+    along: &dyn Fn(&Motions<'_>, &[f64]) -> Result<Passed, Error>,
+) -> Vec<f64> {
+    let m = start.len();
+    let found = minimise(start, STEPS.div_ceil(m + 1), &mut None, &mut |z: &[f64]| {
+        let at = along(motions, z).map(|passed| {
+            let n_cells = passed.residuals.len();
+            let (mut residuals, mut jacobian) = (DVector::zeros(n_cells + m), DMatrix::zeros(n_cells + m, m));
+            for (k, (residual, slopes)) in passed.residuals.iter().zip(&passed.slopes).enumerate() {
+                residuals[k] = *residual;
+                slopes.iter().enumerate().for_each(|(j, slope)| jacobian[(k, j)] = *slope);
+            }
+            for (j, size) in sizes.iter().enumerate() {
+                residuals[n_cells + j] = (z[j] - start[j]) * LOOSE / size;
+                jacobian[(n_cells + j, j)] = LOOSE / size;
+            }
+            Linearised { residuals, jacobian }
+        });
+        motions.told(at)
+    });
+    found.map_or(start.to_vec(), |found| found.x)
 }
 
 /// The standard deviation of numbers.

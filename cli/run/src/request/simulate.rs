@@ -37,10 +37,21 @@ impl std::fmt::Debug for Completion<'_> {
 }
 
 impl Completion<'_> {
+    /// Takes components that the model gives out of the missing ones.
+    fn leave_out_known(&self, problem: &mut Problem) {
+        if let Problem::MissingNames { absent, .. } = problem
+            && !absent.iter().all(|name| self.known.contains_key(name))
+        {
+            absent.retain(|name| !self.known.contains_key(name));
+        }
+    }
+
     /// Whether the model gives every component that is missing beside `given`; not where none is missing.
     fn completes(&self, given: Vec<&str>, forms: &Forms, n_group: usize) -> bool {
         let zeros = given.iter().map(|name| ((*name).to_owned(), 0.0)).collect();
-        let (Ok(given), Ok(form)) = (forms.with_points(&zeros), forms.form_of(given)) else { return false };
+        let first = forms.with_momenta_of(self.known);
+        let form = forms.form_among(std::slice::from_ref(&first), given);
+        let (Ok(given), Ok(form)) = (forms.with_points(&zeros), form) else { return false };
         let names = forms.names(&form);
         let own = &names[..names.len() - n_group];
         let is_whole = own.iter().all(|name| zeros.contains_key(name));
@@ -101,6 +112,24 @@ impl SimulateRequest {
         has_field(text, "initial", |value| {
             names_in(Some(value)).into_iter().any(|name| info.state.iter().all(|own| own != name))
         })
+    }
+
+    /// The values in `initial` and `reconstruct`.
+    ///
+    /// # Errors
+    /// [`Error::NotJson`].
+    pub fn given(text: &str) -> Result<BTreeMap<String, f64>, Error> {
+        let Json::Object(entries) = Json::parse(text)? else { return Ok(BTreeMap::new()) };
+        let states = entries.into_iter().filter(|(name, _)| name == "initial" || name == "reconstruct");
+        let values = states.filter_map(|(_, value)| match value {
+            Json::Object(values) => Some(values),
+            _ => None,
+        });
+        let numbers = values.flatten().filter_map(|(name, value)| match value {
+            Json::Number(x) => Some((name, x)),
+            _ => None,
+        });
+        Ok(numbers.collect())
     }
 
     /// Reads `{"params", "initial", "t_final", "method", "rtol", "atol" or "step", "max_step", "samples",
@@ -183,6 +212,9 @@ impl SimulateRequest {
         } else {
             let (initial, own) = fields.state("initial", initial, forms, n_group);
             form = own;
+            if let Some(model) = &model {
+                fields.problems.iter_mut().for_each(|problem| model.leave_out_known(problem));
+            }
             initial
         };
         let before = fields.problems.len();

@@ -37,3 +37,8 @@ pub struct Impact {
     /// [`all_velocities`](super::Model::all_velocities).
     pub velocities: Vec<SymbolId>,
 }
+
+/// Name of what stands for a velocity after an impact.
+pub(super) fn after_impact(event: &str, velocity: &str) -> String {
+    format!("after_{event}_{velocity}")
+}

@@ -279,6 +279,22 @@ impl Function {
         (0..self.contractions.len()).find(is_whole)
     }
 
+    /// Whether a result reads the time; that of a contraction where anything in the function does.
+    pub fn reads_time(&self, result: usize) -> bool {
+        let mut reads: Vec<bool> = Vec::with_capacity(self.instructions.len());
+        let is_of = |reads: &[bool], operand: Operand| match operand {
+            Operand::Time => true,
+            Operand::Value(k) => reads[k as usize],
+            Operand::Contracted(_) => reads.contains(&true) || self.scalars.contains(&Operand::Time),
+            _ => false,
+        };
+        for instruction in &self.instructions {
+            let is_read = instruction.op.operands().into_iter().any(|operand| is_of(&reads, operand));
+            reads.push(is_read);
+        }
+        is_of(&reads, self.results[result].1)
+    }
+
     /// Whether some of its values are pairs, each with what rounding left out of it.
     pub fn carries_errors(&self) -> bool {
         let is_error = |op: Op| matches!(op, Op::SumError(..) | Op::ProductError(..) | Op::CircleError(..));

@@ -4,6 +4,7 @@
 //! Does not know: how any of them was derived.
 
 use hamel_program::program::{Point, Role};
+use hamel_runtime::Real;
 
 use super::Interpreter;
 use crate::scene::built::legendre_role;
@@ -84,16 +85,6 @@ impl Interpreter<'_> {
         Some(out)
     }
 
-    /// The momenta that the state carries by the velocities that they stand for, both in the order of
-    /// [`BuiltScene::legendre`](crate::scene::BuiltScene::legendre); none where it carries none. The momenta in `y`
-    /// mean nothing.
-    ///
-    /// # Panics
-    /// When a size is wrong.
-    pub fn legendre(&self, t: f64, y: &[f64], velocities: &[f64]) -> Option<Vec<f64>> {
-        self.of_vector(&legendre_role(), t, y, velocities)
-    }
-
     /// The forces `tau = A a - f` along the velocities of the state, which have to act beside the model's for the
     /// rates of these velocities to be `a`, when the scene wants them.
     ///
@@ -102,11 +93,23 @@ impl Interpreter<'_> {
     pub fn inverse_dynamics(&self, t: f64, y: &[f64], accelerations: &[f64]) -> Option<Vec<f64>> {
         self.of_vector(&inverse_dynamics_role(), t, y, accelerations)
     }
+}
+
+impl<R: Real> Interpreter<'_, R> {
+    /// The momenta that the state carries by the velocities that they stand for, both in the order of
+    /// [`BuiltScene::legendre`](crate::scene::BuiltScene::legendre); none where it carries none. The momenta in `y`
+    /// mean nothing.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn legendre(&self, t: R, y: &[R], velocities: &[R]) -> Option<Vec<R>> {
+        self.of_vector(&legendre_role(), t, y, velocities)
+    }
 
     /// The values of a function of the state and a vector.
-    fn of_vector(&self, role: &Role, t: f64, y: &[f64], vector: &[f64]) -> Option<Vec<f64>> {
+    fn of_vector(&self, role: &Role, t: R, y: &[R], vector: &[R]) -> Option<Vec<R>> {
         let k = self.program.function_idx(role)?;
-        let mut out = vec![0.0; self.program.functions[k].results.len()];
+        let mut out = vec![R::ZERO; self.program.functions[k].results.len()];
         self.run_at(k, Point { t, state: y, argument: vector }, &mut out);
         Some(out)
     }

@@ -8,7 +8,7 @@ use super::draft::{DeclaredAs, ModelBuilder};
 use super::event_drafts::{Located, ModeAct};
 use super::symbols::Special;
 use crate::spec::diagnostic::{Diagnostic, Span};
-use crate::spec::mode::Impact;
+use crate::spec::mode::{Impact, after_impact};
 use crate::spec::model::*;
 use crate::spec::names;
 use crate::spec::shape::Shape;
@@ -269,7 +269,7 @@ impl ModelBuilder {
         }
         let mut velocities = Vec::new();
         for velocity in self.velocity_symbols() {
-            let name = format!("after_{event}_{}", self.graph.name(velocity));
+            let name = after_impact(event, self.graph.name(velocity));
             let after = self.graph.symbol(&name);
             let e = self.graph.sym(after);
             sets.push((velocity, e));

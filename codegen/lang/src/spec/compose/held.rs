@@ -14,8 +14,10 @@ use std::mem::discriminant;
 use super::super::ast::{File, ItemKind, Name};
 use super::super::diagnostic::Origin;
 use super::super::elaborate::elaborate;
+use super::super::event::Event;
 use super::super::expressions::ExpressionRole;
 use super::super::images::with_items;
+use super::super::mode::after_impact;
 use super::super::model::Model;
 use super::super::parser;
 use super::taken::{Part, blanked};
@@ -77,6 +79,7 @@ pub(super) fn hold(whole: &Origin, host: &File, parts: &[Part]) -> Result<(), (N
             }
         }
         check_algebra(&model, part).map_err(told)?;
+        check_events(&model, part).map_err(told)?;
     }
     let known = model.lagrangian;
     if !is_sum(&mut model.graph, known, &sum) {
@@ -181,13 +184,22 @@ fn replacement(
         };
         replaced.extend(own.into_iter().zip(values));
     }
+    // Velocities after an impact have the names of the event and of the velocity.
+    let mut after: BTreeMap<SymbolId, String> = BTreeMap::new();
+    for event in &part.model.events {
+        let symbols = event.impact.iter().flat_map(|impact| &impact.velocities);
+        for (symbol, (velocity, _)) in symbols.zip(part.model.all_velocities()) {
+            let name = after_impact(&part.renamed(&event.name), &part.renamed(velocity));
+            after.insert(*symbol, name);
+        }
+    }
     for (_, e) in expressions(&part.model) {
         for symbol in part.model.graph.free_symbols(e) {
             if replaced.contains_key(&symbol) {
                 continue;
             }
             let name = part.model.graph.name(symbol);
-            let whole = part.renamed(name);
+            let whole = after.get(&symbol).cloned().unwrap_or_else(|| part.renamed(name));
             let Some(found) = symbols.get(&whole) else { return Err(format!("`{name}` is not there")) };
             replaced.insert(symbol, graph.sym(*found));
         }
@@ -214,6 +226,36 @@ fn check_algebra(model: &Model, part: &Part) -> Result<(), String> {
             if known != expected {
                 return Err(format!("the bracket of `{}`", part.model.velocities[a].name));
             }
+        }
+    }
+    Ok(())
+}
+
+/// The whole has the events of a part by their names, and they do the same.
+fn check_events(model: &Model, part: &Part) -> Result<(), String> {
+    let mode = |of: &Model, event: &Event| event.mode.map(|k| of.modes[k].name.clone());
+    let sets = |of: &Model, event: &Event, renamed: &dyn Fn(&str) -> String| -> Vec<String> {
+        event.sets.iter().map(|symbol| renamed(of.graph.name(*symbol))).collect()
+    };
+    let renamed = |name: &str| part.renamed(name);
+    for own in &part.model.events {
+        let name = part.renamed(&own.name);
+        let missing = || format!("the event `{}` is not there", own.name);
+        let found = model.events.iter().find(|event| event.name == name).ok_or_else(missing)?;
+        // An impact moves the velocities of other parts as well.
+        let of_part = sets(&part.model, own, &renamed);
+        let of_whole = sets(model, found, &str::to_owned);
+        let has_sets = match own.impact {
+            Some(_) => of_part.iter().all(|set| of_whole.contains(set)),
+            None => of_part == of_whole,
+        };
+        let is_same = own.direction == found.direction
+            && own.stops == found.stops
+            && mode(&part.model, own).map(|name| part.renamed(&name)) == mode(model, found)
+            && own.impact.is_some() == found.impact.is_some()
+            && has_sets;
+        if !is_same {
+            return Err(missing());
         }
     }
     Ok(())

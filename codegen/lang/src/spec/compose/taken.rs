@@ -28,6 +28,8 @@ pub(super) struct Part {
     pub(super) bound: Vec<String>,
     /// Where a name has to be put behind that of the part.
     renamed: Vec<usize>,
+    /// Names of constraints whose multipliers have names.
+    multipliers: Vec<String>,
 }
 
 impl Part {
@@ -55,9 +57,9 @@ impl Part {
             }
         }
         let (name, given) = (used.name.clone(), used.given.clone());
-        let renamed = renamed(&origin.text, &file);
+        let (renamed, multipliers) = renamed(&origin.text, &file);
         let (edits, bound) = (Vec::new(), Vec::new());
-        let mut part = Part { name, model, origin, file, given, edits, bound, renamed };
+        let mut part = Part { name, model, origin, file, given, edits, bound, renamed, multipliers };
         part.check_given(item)?;
         part.edit(host);
         Ok(part)
@@ -65,7 +67,7 @@ impl Part {
 
     /// The name of something of the part in the whole.
     pub(super) fn renamed(&self, name: &str) -> String {
-        match name.strip_prefix("lambda_") {
+        match multiplier_of(name, &self.multipliers) {
             Some(constraint) => format!("lambda_{}_{constraint}", self.name.text),
             None => format!("{}_{name}", self.name.text),
         }
@@ -259,20 +261,31 @@ impl Part {
     }
 }
 
-/// Where names that a text declares stand, in order: of everything but the model, scenes, indices and basis elements.
-fn renamed(text: &str, file: &File) -> Vec<usize> {
-    use DeclarationKind::{BasisElement, Index, Model, Scene};
+/// The constraint whose multiplier has a name, or that constraint with the number of its component.
+fn multiplier_of<'n>(name: &'n str, constraints: &[String]) -> Option<&'n str> {
+    let rest = name.strip_prefix("lambda_")?;
+    let stem = rest.trim_end_matches(|c: char| c.is_ascii_digit());
+    constraints.iter().any(|own| own == rest || own == stem).then_some(rest)
+}
+
+/// Where names that a text declares stand, in order: of everything but the model, scenes and basis elements; and the
+/// names of constraints whose multipliers have names, as far as nothing else has these.
+fn renamed(text: &str, file: &File) -> (Vec<usize>, Vec<String>) {
+    use DeclarationKind::{BasisElement, Model, Scene};
     let outline = Outline::new(text);
-    let is_renamed = |kind: DeclarationKind| !matches!(kind, Model | Scene | Index | BasisElement);
+    let is_renamed = |kind: DeclarationKind| !matches!(kind, Model | Scene | BasisElement);
     let mentions = outline.mentions.iter().filter(|m| is_renamed(outline.declarations[m.declaration].kind));
     let mut places: Vec<usize> = mentions.map(|mention| mention.name.start).collect();
-    // Multipliers have the names of constraints.
-    let constraints: Vec<&str> =
-        file.items.iter().filter_map(name_of_constraint).map(|name| name.text.as_str()).collect();
+    let is_declared = |multiplier: &str| outline.declarations.iter().any(|own| own.name == multiplier);
+    let constraints: Vec<String> = file
+        .items
+        .iter()
+        .filter_map(name_of_constraint)
+        .map(|name| name.text.clone())
+        .filter(|name| !is_declared(&format!("lambda_{name}")))
+        .collect();
     for token in tokens(text) {
-        let Some(rest) = token.text.strip_prefix("lambda_") else { continue };
-        let stem = rest.trim_end_matches(|c: char| c.is_ascii_digit());
-        if constraints.contains(&rest) || constraints.contains(&stem) {
+        if multiplier_of(token.text, &constraints).is_some() && !is_declared(token.text) {
             places.push(token.start + "lambda_".len());
         }
     }
@@ -283,7 +296,7 @@ fn renamed(text: &str, file: &File) -> Vec<usize> {
     places.extend(parts);
     places.sort_unstable();
     places.dedup();
-    places
+    (places, constraints)
 }
 
 /// What may be said of a parameter or an input of a part: a number, or a vector of numbers.
