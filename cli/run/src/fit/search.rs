@@ -17,6 +17,9 @@ const HORIZONS: [f64; 2] = [0.1, 1.0 / 3.0];
 /// Difference of two sums of squares, relative to them, below which two searches have found one minimum.
 const SAME: f64 = 1e-6;
 
+/// The end of a search, or why its start has no residuals.
+type Outcome = Result<Bounded<Error>, Error>;
+
 /// The best minimum of the searches from all starts, and how each of them ended.
 ///
 /// # Errors
@@ -27,9 +30,9 @@ pub(super) fn search(
 ) -> Result<(Bounded<Error>, Vec<Started>), Error> {
     let first = start(request);
     let all = std::iter::once(first.clone()).chain(starts::others(request, &first));
-    let found: Vec<(Vec<f64>, Result<Bounded<Error>, Error>)> =
+    let found: Vec<(Vec<f64>, Outcome)> =
         all.map(|from| (from.clone(), search_from(motions, request, from))).collect();
-    let sum = |found: &Result<Bounded<Error>, Error>| match found {
+    let sum = |found: &Outcome| match found {
         Ok(found) if found.end == End::Minimum => Some(found.at.residuals.norm_squared()),
         _ => None,
     };
@@ -49,11 +52,7 @@ pub(super) fn search(
 }
 
 /// The minimum near one start.
-fn search_from(
-    motions: &mut Motions<'_>,
-    request: &FitRequest,
-    start: Vec<f64>,
-) -> Result<Bounded<Error>, Error> {
+fn search_from(motions: &mut Motions<'_>, request: &FitRequest, start: Vec<f64>) -> Outcome {
     let intervals: Vec<[f64; 2]> = request.known.iter().map(|known| [known.least, known.most]).collect();
     let near = match request.segments {
         0 | 1 => over_horizons(motions, request, &start, &intervals),
@@ -99,10 +98,7 @@ fn until(request: &FitRequest, part: f64) -> Option<FitRequest> {
 }
 
 /// The one of two ends of a search with the smaller sum of squares at a minimum.
-fn better(
-    one: Result<Bounded<Error>, Error>,
-    other: Result<Bounded<Error>, Error>,
-) -> Result<Bounded<Error>, Error> {
+fn better(one: Outcome, other: Outcome) -> Outcome {
     let (one, other) = match (one, other) {
         (Ok(one), Ok(other)) => (one, other),
         (found, Err(_)) | (Err(_), found) => return found,

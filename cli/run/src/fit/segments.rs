@@ -198,13 +198,11 @@ impl Shooting {
     }
 }
 
+/// The motion along a piece with values of its unknowns.
+type Piece<'a> = dyn Fn(&Motions<'_>, &[f64]) -> Result<Passed, Error> + 'a;
+
 /// The unknowns of a piece that is fitted on its own: those that it does not determine stay where they start.
-fn loosely(
-    motions: &mut Motions<'_>,
-    start: &[f64],
-    sizes: &[f64],
-    along: &dyn Fn(&Motions<'_>, &[f64]) -> Result<Passed, Error>,
-) -> Vec<f64> {
+fn loosely(motions: &mut Motions<'_>, start: &[f64], sizes: &[f64], along: &Piece<'_>) -> Vec<f64> {
     let m = start.len();
     let found = minimise(start, STEPS.div_ceil(m + 1), &mut None, &mut |z: &[f64]| {
         let at = along(motions, z).map(|passed| {
