@@ -201,7 +201,7 @@ impl Shooting {
 /// The motion along a piece with values of its unknowns.
 type Piece<'a> = dyn Fn(&Motions<'_>, &[f64]) -> Result<Passed, Error> + 'a;
 
-/// The unknowns of a piece that is fitted on its own: those that it does not determine stay where they start.
+/// The unknowns of a piece that is fitted on its own. Where it does not determine one, this one stays where it starts.
 fn loosely(motions: &mut Motions<'_>, start: &[f64], sizes: &[f64], along: &Piece<'_>) -> Vec<f64> {
     let m = start.len();
     let found = minimise(start, STEPS.div_ceil(m + 1), &mut None, &mut |z: &[f64]| {

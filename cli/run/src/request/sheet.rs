@@ -153,9 +153,7 @@ fn value(cell: &str, separator: Separator) -> Result<Option<f64>, String> {
         return Ok(None);
     }
     if separator != Separator::Comma && cell.matches(',').count() == 1 && !cell.contains('.') {
-        return number(&cell.replace(',', "."))
-            .map(Some)
-            .map_err(|_| format!("{cell:?} is not a finite number"));
+        return number(&cell.replace(',', ".")).map(Some).map_err(|_| not_a_number(cell));
     }
     number(cell).map(Some)
 }
@@ -256,6 +254,11 @@ pub(super) fn unit(text: &str) -> Option<Unit> {
 pub(super) fn number(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(x) if x.is_finite() => Ok(x),
-        _ => Err(format!("{text:?} is not a finite number")),
+        _ => Err(not_a_number(text)),
     }
+}
+
+/// The message about a text in the place of a number.
+pub(super) fn not_a_number(text: &str) -> String {
+    format!("{text:?} is not a finite number")
 }

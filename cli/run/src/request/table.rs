@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use hamel_codegen::spec::Unit;
 
-use super::sheet::{Sheet, unit};
+use super::sheet::{Sheet, not_a_number, unit};
 use crate::error::{Error, Problem};
 
 /// A table as its file has it: a line of names, and lines of numbers.
@@ -23,6 +23,8 @@ pub struct Table {
     /// The same as the file has them.
     headers: Vec<String>,
     units: Vec<Option<Unit>>,
+    /// The first word of a column of words alone, with its line.
+    words: Vec<Option<(usize, String)>>,
     rows: Vec<Row>,
 }
 
@@ -51,18 +53,15 @@ impl Table {
     pub(super) fn parse(path: &Path, text: &str) -> Result<Table, Error> {
         let sheet = Sheet::of(text);
         let (headers, units) = sheet.headers();
-        let mut table = Table { path: path.to_owned(), names: Vec::new(), headers, units, rows: Vec::new() };
-        table.names = table.headers.clone();
+        let (path, names) = (path.to_owned(), headers.clone());
+        let mut table = Table { path, names, headers, units, words: Vec::new(), rows: Vec::new() };
         for (name, unit) in table.names.iter_mut().zip(&mut table.units) {
             if let Some((own, text)) = unit_behind(name) {
                 *unit = Some(text);
                 *name = own;
             }
         }
-        let is_number = |text: &String| sheet.number(text).is_ok_and(|value| value.is_some());
-        let has_words: Vec<bool> = (0..table.names.len())
-            .map(|k| !sheet.data().any(|(_, texts)| texts.get(k).is_some_and(is_number)))
-            .collect();
+        table.words = (0..table.names.len()).map(|k| words_in(&sheet, k)).collect();
         let mut problems = Vec::new();
         let mut decimal: Option<(char, usize)> = None;
         for (line, texts) in sheet.data() {
@@ -72,10 +71,8 @@ impl Table {
                 complain(format!("has {found} values for {wanted} names: give one for each"));
             }
             let mut cells = Vec::with_capacity(texts.len());
-            for (text, has_words) in
-                texts.iter().zip(has_words.iter().copied().chain(std::iter::repeat(false)))
-            {
-                if has_words {
+            for (k, text) in texts.iter().enumerate() {
+                if table.words.get(k).is_some_and(Option::is_some) {
                     cells.push(None);
                     continue;
                 }
@@ -170,6 +167,12 @@ impl Table {
                 Err(problem) => problems.push(problem),
             }
         }
+        for (line, word) in self.words.iter().flatten() {
+            problems.push(self.problem(*line, not_a_number(word)));
+        }
+        if !problems.is_empty() {
+            return Err(Error::Request { problems });
+        }
         let mut rows = Vec::with_capacity(self.rows.len());
         for (row, cells) in self.rows().enumerate() {
             let numbers = cells.iter().zip(&factors).map(|(cell, factor)| Some((*cell)? * factor));
@@ -181,6 +184,14 @@ impl Table {
         problems.truncate(MAX_PROBLEMS);
         if problems.is_empty() { Ok((self.names, rows)) } else { Err(Error::Request { problems }) }
     }
+}
+
+/// The first word of a column in which no cell has a number.
+fn words_in(sheet: &Sheet, column: usize) -> Option<(usize, String)> {
+    let cells = || sheet.data().filter_map(|(line, texts)| Some((line, texts.get(column)?)));
+    let has_numbers = cells().any(|(_, text)| sheet.number(text).is_ok_and(|value| value.is_some()));
+    let word = cells().find(|(_, text)| sheet.number(text).is_err()).filter(|_| !has_numbers);
+    word.map(|(line, text)| (line, text.clone()))
 }
 
 /// The text of a file: UTF-16 has a mark, and other bytes than UTF-8 are taken as Latin-1, which every byte belongs to.
@@ -247,6 +258,8 @@ mod tests {
         let table = parse("id;t;x\nleft;0;1,5\nright;1;2\n").unwrap();
         let rows: Vec<&[Option<f64>]> = table.rows().collect();
         assert_eq!(rows, [[None, Some(0.0), Some(1.5)], [None, Some(1.0), Some(2.0)]]);
+        let message = full("id;t\nleft;0\nright;1\n").unwrap_err();
+        assert!(message.contains("starts.csv:2 \"left\" is not a finite number"), "{message}");
         let message = full(text).unwrap_err();
         assert!(
             message.contains("starts.csv:2 has an empty cell") && message.contains("starts.csv:4"),
