@@ -485,6 +485,12 @@ fn bounds_hold_a_value_without_an_error_of_its_own() {
     assert_eq!(answer["degrees_of_freedom"], 39);
     let (_, summary, _) = hamel(&[&["fit"], &with("k=1..5")[..]].concat());
     assert!(summary.contains("at its bound"), "{summary}");
+    // Everything is held.
+    let both =
+        ["--free", "k,x_dot", "--initial", "x=0.3", "x_dot=-0.3", "--bounds", "k=1..5", "x_dot=-0.4..0"];
+    let answer = fit_json(&[&[&*model, "--data", &data][..], &both].concat());
+    assert!(answer["estimates"]["x_dot"]["error"].is_null(), "{answer}");
+    assert_eq!((estimate(&answer, "x_dot", "value"), &answer["degrees_of_freedom"]), (-0.4, &40.into()));
     // An interval that has the minimum inside changes nothing.
     let answer = fit_json(&with("k=..100"));
     assert!((estimate(&answer, "k", "value") - 5.3).abs() < 1e-8, "{answer}");

@@ -170,6 +170,9 @@ const UNDETERMINED: f64 = 1e-8;
 /// A direction `dx` along which the residuals do not change, its largest component one.
 pub(super) fn precision(jacobian: &DMatrix<f64>) -> Result<Precision, Vec<f64>> {
     let n = jacobian.ncols();
+    if n == 0 {
+        return Ok(Precision { deviations: Vec::new(), correlation: Vec::new() });
+    }
     let lengths: Vec<f64> = jacobian.column_iter().map(|column| column.norm()).collect();
     if let Some(k) = lengths.iter().position(|length| *length == 0.0) {
         return Err((0..n).map(|j| f64::from(u8::from(j == k))).collect());
