@@ -403,6 +403,11 @@ fn motions_become_figures_of_chosen_columns_and_arrays() {
             table.lines().skip(1).map(|line| line.split(',').nth(k).unwrap().parse::<f64>().unwrap());
         assert!(numbers.eq(expected), "{name}");
     }
+    // Derivatives have names of their own.
+    let along = ["-o", svg, "--sensitivity", "l", "--plot", "d_Omega1_d_l"];
+    let out = hamel(&[&base[..], &along].concat(), "");
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    assert!(std::fs::read_to_string(svg).unwrap().contains("d_Omega1_d_l"));
     // A velocity that changes its sign has no logarithm.
     let out = hamel(&[&base[..], &["-o", svg], &chosen].concat(), "");
     assert_eq!(out.status.code(), Some(2));

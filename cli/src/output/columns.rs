@@ -4,6 +4,7 @@
 
 use super::plot::{MAX_LINES, Panel};
 use hamel_run::error::{Error, Problem};
+use hamel_run::fit::{Quantity, place_of};
 use hamel_run::info::Info;
 use hamel_run::model::blocks::Block;
 use hamel_run::simulation::Sample;
@@ -14,12 +15,11 @@ pub(super) fn names<'a>(
     with_outputs: bool,
     along: impl Iterator<Item = &'a String> + Clone,
 ) -> Vec<String> {
-    let energy = info.has_energy.then(|| "energy".to_owned());
-    let outputs = info.outputs.iter().filter(|_| with_outputs).flat_map(|group| {
-        group.components.iter().map(move |component| format!("{}.{component}", group.name))
-    });
+    let own = Quantity::all(info).into_iter();
+    let own =
+        own.filter(|(_, own)| with_outputs || !matches!(own, Quantity::Output(_))).map(|(name, _)| name);
     let derivatives = along.flat_map(|by| info.state.iter().map(move |name| format!("d_{name}_d_{by}")));
-    info.state.iter().cloned().chain(energy).chain(outputs).chain(derivatives).collect()
+    own.chain(derivatives).collect()
 }
 
 /// Values of these columns.
@@ -27,10 +27,10 @@ pub(super) fn values(sample: &Sample) -> impl Iterator<Item = f64> + '_ {
     sample.state.iter().chain(&sample.energy).chain(&sample.outputs).chain(&sample.along).copied()
 }
 
-/// Columns that share a panel, by their places.
+/// Columns that share a panel, by their places and names.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Chosen {
-    panels: Vec<Vec<usize>>,
+    panels: Vec<Vec<(usize, String)>>,
     is_log: bool,
 }
 
@@ -44,13 +44,7 @@ impl Chosen {
         let known = names(info, true, along.iter());
         let mut problems = Vec::new();
         let mut place = |name: &str| {
-            let exact = known.iter().position(|own| own == name);
-            let mut alike = (0..known.len())
-                .filter(|k| known[*k].rsplit_once('.').is_some_and(|(_, component)| component == name));
-            let found = exact.or_else(|| match (alike.next(), alike.next()) {
-                (Some(k), None) => Some(k),
-                _ => None,
-            });
+            let found = place_of(known.iter().map(String::as_str), name);
             if found.is_none() {
                 problems.push(Problem::UnknownName {
                     path: "--plot".into(),
@@ -59,9 +53,9 @@ impl Chosen {
                     known: known.clone(),
                 });
             }
-            found
+            found.map(|k| (k, known[k].clone()))
         };
-        let panels: Vec<Vec<usize>> = plots
+        let panels: Vec<Vec<(usize, String)>> = plots
             .iter()
             .map(|names| names.split(',').filter_map(|name| place(name.trim())).collect())
             .collect();
@@ -84,17 +78,10 @@ impl Chosen {
     ///
     /// # Errors
     /// [`Error::Request`] for a value that has no logarithm.
-    pub(super) fn drawn(
-        &self,
-        info: &Info,
-        blocks: &[Block],
-        samples: &[Sample],
-    ) -> Result<Vec<Panel>, Error> {
-        let all = names(info, samples.iter().any(|s| !s.outputs.is_empty()), std::iter::empty());
-        let panel = |places: &Vec<usize>| {
-            let told: Vec<(String, String)> =
-                places.iter().map(|k| spelled(all.get(*k).map_or("", String::as_str), blocks)).collect();
-            let lines = places.iter().zip(&told).map(|(k, (name, _))| {
+    pub(super) fn drawn(&self, blocks: &[Block], samples: &[Sample]) -> Result<Vec<Panel>, Error> {
+        let panel = |places: &Vec<(usize, String)>| {
+            let told: Vec<(String, String)> = places.iter().map(|(_, name)| spelled(name, blocks)).collect();
+            let lines = places.iter().zip(&told).map(|((k, _), (name, _))| {
                 let value = |sample: &Sample| {
                     let value = values(sample).nth(*k).unwrap_or(f64::NAN);
                     match self.is_log {

@@ -168,7 +168,7 @@ fn npz(path: &Path, run: &Run<'_>) -> std::io::Result<()> {
 pub fn figure(run: &Run<'_>) -> Result<Figure, Error> {
     let Run { info, title, request, response, fields, chosen, .. } = *run;
     let is_all = chosen.is_all();
-    let panels = if is_all { panels(run) } else { chosen.drawn(info, run.blocks, &response.samples)? };
+    let panels = if is_all { panels(run) } else { chosen.drawn(run.blocks, &response.samples)? };
     let scene = if info.scene == hamel_run::model::DEFAULT_SCENE {
         String::new()
     } else {

@@ -184,9 +184,15 @@ impl Motion {
             };
             let model = definition.model;
             let f = Tape::new(&model.graph, &[up_to.function]).eval(&self.at.env)?.roots[0];
-            let Some(parameter) = model.params.iter().find(|p| p.name == momentum.name) else { continue };
-            let constant = self.at.env.get(parameter.symbol).unwrap_or_default();
-            sheet.zero(RATES, what, &[value, -f, -constant]);
+            let parameter = model.params.iter().find(|p| p.name == momentum.name).map(|p| p.symbol);
+            match parameter {
+                Some(p) => {
+                    let constant = self.at.env.get(p).ok_or(p)?;
+                    sheet.zero(RATES, what, &[value, -f, -constant]);
+                }
+                // A momentum that no parameter of the model is: nothing holds it.
+                None => sheet.zero(RATES, what, &[Wide::ONE]),
+            }
         }
         Ok(())
     }

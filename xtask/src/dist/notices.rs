@@ -119,16 +119,23 @@ fn linked(metadata: &Metadata) -> Result<Vec<&Package>, Error> {
     Ok(found)
 }
 
-/// Texts of licences and notices beside a manifest.
+/// Texts of licences and notices beside a manifest, and all texts beside fonts.
 fn notices(manifest: &Path) -> Result<Vec<String>, Error> {
     let Some(folder) = manifest.parent() else { return Ok(Vec::new()) };
     let fail = |e| Error::io(folder.display().to_string(), e);
+    let fonts = folder.join("fonts");
+    let mut paths = Vec::new();
+    for folder in [Some(folder), fonts.is_dir().then_some(fonts.as_path())].into_iter().flatten() {
+        for entry in fs::read_dir(folder).map_err(fail)? {
+            paths.push(entry.map_err(fail)?.path());
+        }
+    }
     let mut texts = Vec::new();
-    for entry in fs::read_dir(folder).map_err(fail)? {
-        let path = entry.map_err(fail)?.path();
+    for path in paths {
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_uppercase();
         let is_notice =
-            ["LICENSE", "LICENCE", "COPYING", "COPYRIGHT", "NOTICE"].iter().any(|n| name.starts_with(n));
+            ["LICENSE", "LICENCE", "COPYING", "COPYRIGHT", "NOTICE"].iter().any(|n| name.starts_with(n))
+                || path.parent() == Some(fonts.as_path()) && name.ends_with(".TXT");
         if is_notice && path.is_file() {
             texts.push(String::from_utf8_lossy(&fs::read(&path).map_err(fail)?).replace("\r\n", "\n"));
         }

@@ -24,7 +24,7 @@ enum Refused<E> {
     Model(E),
 }
 
-/// The minimum of `sum_i r_i(x)^2` near a start for `a_j <= x_j <= b_j`.
+/// The minimum of `sum_i r_i(x)^2` for `a_j <= x_j <= b_j` near the point of the intervals that is nearest to a start.
 ///
 /// Where the search is stopped by an end of an interval, the unknown of the first end on the way of Gauss and Newton's
 /// step is held there; it is let go where the sum of squares falls into the interval (Nocedal and Wright 2006, section
@@ -38,7 +38,8 @@ pub(super) fn minimise_within<E>(
     evaluate: &mut Evaluate<'_, E>,
 ) -> Result<Bounded<E>, E> {
     let n = start.len();
-    let (mut x, mut refused) = (start.to_vec(), None);
+    let within = start.iter().zip(intervals).map(|(x, [least, most])| x.clamp(*least, *most));
+    let (mut x, mut refused) = (within.collect::<Vec<f64>>(), None);
     let mut is_held = vec![false; n];
     // Each unknown is held and let go a few times at most, unless the search goes in circles.
     for _ in 0..4 * n + 4 {
@@ -85,7 +86,7 @@ fn minimise_along<E>(
     let mut whole = x.to_vec();
     let found = minimise(&start, PATIENCE, refused, &mut |values: &[f64]| {
         loose.iter().zip(values).for_each(|(k, value)| whole[*k] = *value);
-        if !loose.iter().all(|k| (intervals[*k][0]..=intervals[*k][1]).contains(&whole[*k])) {
+        if loose.iter().any(|k| whole[*k] < intervals[*k][0] || whole[*k] > intervals[*k][1]) {
             return Err(Refused::Outside);
         }
         let at = evaluate(&whole).map_err(Refused::Model)?;
@@ -95,7 +96,7 @@ fn minimise_along<E>(
     });
     found.map_err(|error| match error {
         Refused::Model(error) => error,
-        // The start is within its intervals.
+        // The start was moved into the intervals.
         Refused::Outside => unreachable!("the search starts within the intervals"),
     })
 }

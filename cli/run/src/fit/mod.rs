@@ -17,7 +17,7 @@ use super::noise;
 use crate::error::Error;
 
 pub use self::request::{
-    Column, Estimate, FitRequest, FitResponse, Follows, Known, Prior, Quantity, Started,
+    Column, Estimate, FitRequest, FitResponse, Follows, Known, Prior, Quantity, Started, place_of,
 };
 
 use self::residuals::{Motions, cells, curves};

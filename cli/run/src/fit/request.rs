@@ -40,16 +40,19 @@ impl Quantity {
     /// The quantity of a name; outputs also by the name of the component, where no other one has it.
     pub fn named(info: &Info, name: &str) -> Option<Quantity> {
         let all = Quantity::all(info);
-        if let Some((_, quantity)) = all.iter().find(|(own, _)| own == name) {
-            return Some(*quantity);
-        }
-        let mut alike =
-            all.iter().filter(|(own, _)| own.rsplit_once('.').is_some_and(|(_, own)| own == name));
-        match (alike.next(), alike.next()) {
-            (Some((_, quantity)), None) => Some(*quantity),
-            _ => None,
-        }
+        place_of(all.iter().map(|(own, _)| own.as_str()), name).map(|k| all[k].1)
     }
+}
+
+/// The place of a name among columns: `group.component` also by the component alone, where no other one has it.
+pub fn place_of<'a>(columns: impl Iterator<Item = &'a str> + Clone, name: &str) -> Option<usize> {
+    let exact = columns.clone().position(|own| own == name);
+    let is_alike = |own: &str| own.rsplit_once('.').is_some_and(|(_, component)| component == name);
+    let mut alike = columns.enumerate().filter(|(_, own)| is_alike(own));
+    exact.or_else(|| match (alike.next(), alike.next()) {
+        (Some((k, _)), None) => Some(k),
+        _ => None,
+    })
 }
 
 /// A measured quantity, and how well it is measured.

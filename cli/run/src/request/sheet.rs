@@ -81,8 +81,9 @@ impl Sheet {
             cells.iter().any(is_number) && cells.iter().all(|cell| value(cell, separator).is_ok())
         };
         let data = lines.iter().position(|(_, cells)| is_data(cells))?;
-        let has_words =
-            |cells: &[String]| !cells.iter().any(is_number) && cells.iter().any(|cell| !cell.is_empty());
+        let has_words = |cells: &[String]| {
+            !cells.iter().any(is_number) && cells.iter().any(|c| value(c, separator).is_err())
+        };
         let mut heads = (0..data).rev().filter(|k| has_words(&lines[*k].1));
         let mut head = heads.next();
         let mut units = Vec::new();

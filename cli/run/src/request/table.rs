@@ -254,6 +254,8 @@ mod tests {
             rows,
             [[Some(0.0), None, Some(2.0)], [Some(1.0), Some(3.0), None], [Some(2.0), None, None]]
         );
+        // A line without values is no line of names.
+        assert_eq!(parse("t,x\nNA,-\n0,1\n").unwrap().rows().len(), 2);
         // A column of words is passed over where nobody asks for it.
         let table = parse("id;t;x\nleft;0;1,5\nright;1;2\n").unwrap();
         let rows: Vec<&[Option<f64>]> = table.rows().collect();
