@@ -79,6 +79,14 @@ const ELLIPSOID: &str = "model ellipsoid {
     lagrangian = dot(Omega, I*Omega)/2 + m/2*rate(h)^2 - m*g*h;
 }";
 
+/// Rates of 1e4: the motions that are compared are short.
+const FAST: &str = "model fast {
+    param m = 1.2e-3; param b = 15; param k = 2e4; param s = 0.3;
+    coordinate x, y, z in real; coordinate theta in angle;
+    lagrangian = m/2*(x_dot^2 + y_dot^2 + z_dot^2) + b*(x*y_dot - y*x_dot)/2 - k*z^2/2 + m*s/2*theta_dot^2;
+    force x_dot = -20*x_dot;
+}";
+
 /// The answer to each fault: the first place of a text replaced. A fault that is not there is no test.
 fn planted(model: &str, faults: &[(&str, &str)]) -> Vec<Option<String>> {
     let model = spec::parse("model", model).unwrap();
@@ -127,6 +135,9 @@ fn planted_faults_are_found() {
         (ELLIPSOID, "Omega2*Gamma3", "Omega1*Gamma3"),
         (ELLIPSOID, "Gamma3*", "Gamma2*"),
         (SUN, "force Omega1 = ", "force Omega1 = 1 + "),
+        (FAST, "force v_y = -b*v_x", "force v_y = b*v_x"),
+        (FAST, "reconstruct x by v_x", "reconstruct x by v_y"),
+        (FAST, "reconstruct y by v_y", "reconstruct y by v_y*1.001"),
         (SUN, "Omega1*a1 + Omega3", "Omega1*a1 - Omega3"),
     ];
     let models: std::collections::BTreeSet<&str> = faults.iter().map(|(model, ..)| *model).collect();
