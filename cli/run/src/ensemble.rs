@@ -20,6 +20,7 @@ use super::auto::Purpose;
 use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
 use super::info::Info;
 use super::integrate::{self, Unfinished};
+use super::lost_rank::Rank;
 use super::members::{Beginnings, Followed, Members};
 use super::method::{MethodName, Steps};
 use super::noise::{self, Noise};
@@ -134,13 +135,15 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Mem
     let bar = progress_bar(request.progress);
     let progress = |n: usize| bar.inc(n as u64);
     let members = pool.install(|| {
-        if let Some(watched) = request.watched.as_ref().filter(|_| factory.info().noises.is_empty()) {
-            return Ok(through_events(factory, request, watched, (&times, &progress)));
-        }
         let noise = noise_of(factory.info(), request, &times)?;
-        let job = Job { factory, request, noise, options, times: &times, progress: &progress };
         // What a scene can do depends on the scene alone, but takes parameters that are allowed.
         let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
+        let rank = any.as_ref().and_then(|(dynamics, y)| Rank::new(&**dynamics, 0.0, y));
+        if request.watched.is_some() || rank.is_some() {
+            let scenes = Scenes { factory, cancel: request.cancel.clone(), noise };
+            return Ok(one_by_one(&scenes, request, (&times, &progress)));
+        }
+        let job = Job { factory, request, noise, options, times: &times, progress: &progress };
         let method = match &any {
             Some((dynamics, y)) => {
                 let purpose = Purpose::of_ensemble(request.samples);
@@ -177,17 +180,18 @@ fn noise_of(info: &Info, request: &EnsembleRequest, times: &[f64]) -> Result<Opt
     noise.wiener(info, (*method, *steps), times.iter().copied().chain([*t_final])).map(Some)
 }
 
-/// All members with a start through their events, each in the steps that `simulate` takes by the same method.
-fn through_events(
-    factory: &dyn Factory,
+/// All members with a start through their events, held to the rank of their constraints, each in the steps that
+/// `simulate` takes by the same method.
+fn one_by_one(
+    scenes: &Scenes<'_>,
     request: &EnsembleRequest,
-    watched: &Watched,
     (times, progress): (&[f64], &(dyn Fn(usize) + Sync)),
 ) -> Members {
-    let EnsembleRequest { members, t_final, method, steps, max_steps, samples, cancel, .. } = request;
+    let EnsembleRequest { members, t_final, method, steps, max_steps, samples, watched, noise, .. } = request;
+    let n_params = scenes.factory.info().params.len();
     let single = |(params, initial): (&[f64], &[f64])| SimulateRequest {
         // What inputs are held at stands behind the parameters, and the dynamics have it.
-        params: params[..params.len().min(watched.n_params())].to_vec(),
+        params: params[..params.len().min(n_params)].to_vec(),
         initial: initial.to_vec(),
         t_final: *t_final,
         method: *method,
@@ -197,32 +201,29 @@ fn through_events(
         n_group: 0,
         max_steps: max_steps.unwrap_or(steps.max_steps()),
         max_events: MAX_EVENTS,
-        watched: Some(watched.clone()),
+        watched: watched.clone(),
         noise: Noise::default(),
         along: Vec::new(),
         tangents: Vec::new(),
     };
-    let all: Vec<(&[f64], &[f64])> = members.iter().collect();
+    let on_paths = scenes.noise.map(|_| members.numbered(noise.path));
+    let all: Vec<(&[f64], &[f64])> = on_paths.as_ref().unwrap_or(members).iter().collect();
     let follow = |member: &(&[f64], &[f64])| {
-        let followed = followed_of((factory, member.0), &single(*member), times, cancel);
+        let followed = followed_of((scenes, member.0), &single(*member), times);
         progress(1);
         followed
     };
     let motions: Vec<Followed> = all.par_iter().map(follow).collect();
-    Members::through_events(factory, members, motions, times)
+    Members::one_by_one(scenes.factory, members, motions, times)
 }
 
 fn followed_of(
-    (factory, params): (&dyn Factory, &[f64]),
+    (scenes, params): (&Scenes<'_>, &[f64]),
     request: &SimulateRequest,
     times: &[f64],
-    cancel: &Cancel,
 ) -> Followed {
     let never = |reason: String| Followed { samples: Vec::new(), steps: 0, stop: Some((reason, None)) };
-    if cancel.is_off() {
-        return never("going on".into());
-    }
-    let dynamics = match factory.prepare(params) {
+    let dynamics = match Source::<f64>::prepare(scenes, params) {
         Ok(dynamics) => dynamics,
         Err(bad) => return never(bad.to_string()),
     };

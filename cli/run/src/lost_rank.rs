@@ -7,15 +7,30 @@
 //! to that of another branch. A factor that all entries of a row share turns it round and loses nothing: accelerations
 //! are solved for without it.
 //!
-//! Does not know: how steps are made, what is said about it.
+//! Does not know: how steps are made.
 //!
 //! # Source
 //! Gantmacher 1959, The theory of matrices, chapter I, section 2 (Binet and Cauchy).
 
-use super::dynamics::{Dynamics, VecState};
+use std::ops::ControlFlow;
 
-/// Parts of a step in which the direction is followed where its ends say that it has turned.
+use hamel_runtime::{Action, Observer};
+
+use super::dynamics::{Dynamics, VecState};
+use super::simulation::stopped_because;
+use crate::error::Error;
+
+/// Parts of a step in which the direction is followed where its ends say that it has turned, at least.
 const PARTS: u32 = 16;
+
+/// So far a coordinate moves on a part: an angle that turns a direction round does so in many of them.
+const PART: f64 = 0.25;
+
+/// Parts of a step, at most.
+const MAX_PARTS: f64 = 256.0;
+
+/// Where small steps from one end miss the other one by more than this part of the way, they are not the motion.
+const MISSED: f64 = 0.1;
 
 /// The cosine of an angle by which the direction does not turn on such a part: more than two turns on the step.
 const TURNED: f64 = 0.5;
@@ -23,6 +38,13 @@ const TURNED: f64 = 0.5;
 /// The square of the distance of a gradient of length one from the span of others below which it depends on them:
 /// reactions are in inverse proportion to it, and have four digits left.
 const DEPENDENT: f64 = 1e-12;
+
+/// A gradient shorter than this part of the longest one on the way vanishes, unless a factor of it does: the square of
+/// the distance from such a place, and with it that of the branches there, is below the residuals of equations.
+const VANISHING: f64 = 1e-6;
+
+/// So far beside a state, in parts of its size, a gradient shows whether it vanishes with a factor alone.
+const BESIDE: f64 = 1e-4;
 
 /// The cosine above which rows around a zero of one are in one direction, that of all but a factor.
 const PARALLEL: f64 = 0.9;
@@ -59,6 +81,8 @@ pub(super) struct Rank {
     t: f64,
     y: Vec<f64>,
     rows: Vec<VecState>,
+    /// The greatest length of each row on the way.
+    longest: Vec<f64>,
 }
 
 impl Rank {
@@ -72,15 +96,21 @@ impl Rank {
             _ => return None,
         };
         let rows = of.at(dynamics, t, y);
-        Some(Rank { of, t, y: y.to_vec(), rows })
+        let longest = rows.iter().map(|row| length(&row.0)).collect();
+        Some(Rank { of, t, y: y.to_vec(), rows, longest })
     }
 
-    /// What depends on each other.
-    pub(super) fn name(&self) -> &'static str {
-        match self.of {
+    /// That the rank is lost on the way to a state.
+    pub(super) fn lost(&self, dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> Error {
+        let name = match self.of {
             Rows::Positions(..) => "equations between coordinates",
             Rows::Constraints(_) => "constraints",
-        }
+        };
+        let reason = format!(
+            "the {name} depend on each other on the way of the last step: the motion may go on in more than one way \
+             there"
+        );
+        stopped_because(dynamics.info(), t, y, reason)
     }
 
     /// Goes on from another state, as after an event.
@@ -95,14 +125,19 @@ impl Rank {
         let next = self.of.at(dynamics, t, y);
         let (before, after) = ((self.t, self.y.as_slice()), (t, y));
         // A row of zeros has a direction next to them where only a factor vanishes.
-        let has_direction =
-            |k: usize| next[k].0.iter().any(|x| *x != 0.0) || !self.has_factor(dynamics, k, [before, after]);
+        let is_short = |k: usize| length(&next[k].0) <= VANISHING * self.longest[k];
+        let has_factor: Vec<bool> =
+            (0..next.len()).map(|k| is_short(k) && self.has_factor(dynamics, k, [before, after])).collect();
+        let vanishes = (0..next.len()).any(|k| is_short(k) && !has_factor[k]);
+        let has_direction = |k: usize| next[k].0.iter().any(|x| *x != 0.0) || !has_factor[k];
         let with_direction: Vec<VecState> =
             (0..next.len()).filter(|k| has_direction(*k)).map(|k| next[k].clone()).collect();
         let are_dependent = distance(&with_direction) < DEPENDENT;
-        let is_lost = are_dependent || is_turned(&self.rows, &next) && self.jumps(dynamics, t, y);
+        let parts = self.parts(&next, y);
+        let is_lost = vanishes || are_dependent || parts > 1 && self.jumps(dynamics, (t, y), parts);
         self.t = t;
         self.y.copy_from_slice(y);
+        self.longest.iter_mut().zip(&next).for_each(|(max, row)| *max = max.max(length(&row.0)));
         self.rows = next;
         is_lost
     }
@@ -114,7 +149,8 @@ impl Rank {
         k: usize,
         [(_, from), (t, to)]: [(f64, &[f64]); 2],
     ) -> bool {
-        let step = from.iter().zip(to).fold(0.0_f64, |max, (a, b)| max.max((b - a).abs()));
+        let size = to.iter().fold(1.0_f64, |max, y| max.max(y.abs()));
+        let step = from.iter().zip(to).fold(BESIDE * size, |max, (a, b)| max.max((b - a).abs()));
         let mut first: Option<Vec<f64>> = None;
         (0..to.len()).flat_map(|j| [(j, step), (j, -step)]).all(|(j, by)| {
             let mut beside = to.to_vec();
@@ -130,29 +166,32 @@ impl Rank {
         })
     }
 
-    /// Whether the direction jumps on the cubic through both ends with their slopes.
-    fn jumps(&self, dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> bool {
-        let h = t - self.t;
-        let mut slopes = [vec![0.0; y.len()], vec![0.0; y.len()]];
-        let [first, last] = &mut slopes;
-        dynamics.rhs(self.t, &self.y, first);
-        dynamics.rhs(t, y, last);
+    /// Parts of the way to a state in which the direction is followed, so that it cannot turn round and back unseen.
+    fn parts(&self, next: &[VecState], y: &[f64]) -> u32 {
+        let reads = |k: usize| self.rows.iter().chain(next).any(|row| row.0[k] != 0.0);
+        let is_coordinate = |k: &usize| match self.of {
+            Rows::Positions(..) => reads(*k),
+            Rows::Constraints(_) => !reads(*k),
+        };
+        let moved = |k: usize| (y[k] - self.y[k]).abs();
+        let farthest = (0..y.len()).filter(is_coordinate).map(moved).fold(0.0, f64::max);
+        let parts = (farthest / PART).min(MAX_PARTS) as u32;
+        if is_turned(&self.rows, next) { parts.max(PARTS) } else { parts }
+    }
+
+    /// Whether the direction jumps on the way to a state: by small steps of Runge and Kutta's method, or on the cubic
+    /// through both ends with their slopes where these steps lead elsewhere.
+    fn jumps(&self, dynamics: &dyn Dynamics, (t, y): (f64, &[f64]), parts: u32) -> bool {
+        let mut way = small_steps(dynamics, (self.t, &self.y), t, parts);
+        let distance =
+            |a: &[f64], b: &[f64]| a.iter().zip(b).fold(0.0_f64, |max, (a, b)| max.max((a - b).abs()));
+        let is_motion = way.last().is_some_and(|end| distance(end, y) <= MISSED * distance(&self.y, y));
+        if !is_motion {
+            way = cubic(dynamics, (self.t, &self.y), (t, y), parts);
+        }
         let mut before = (self.t, self.y.clone(), self.rows.clone());
-        (1..=PARTS).any(|part| {
-            let s = f64::from(part) / f64::from(PARTS);
-            // Hermite's cubic.
-            let weights = [
-                (1.0 + 2.0 * s) * (1.0 - s) * (1.0 - s),
-                s * s * (3.0 - 2.0 * s),
-                h * s * (1.0 - s) * (1.0 - s),
-                h * s * s * (s - 1.0),
-            ];
-            let at = |k: usize| {
-                let values = [self.y[k], y[k], slopes[0][k], slopes[1][k]];
-                weights.iter().zip(values).map(|(weight, value)| weight * value).sum::<f64>()
-            };
-            let state: Vec<f64> = (0..y.len()).map(at).collect();
-            let time = self.t + s * h;
+        way.into_iter().zip(1..).any(|(state, part)| {
+            let time = self.t + (t - self.t) * f64::from(part) / f64::from(parts);
             let rows = self.of.at(dynamics, time, &state);
             let jumps = is_turned(&before.2, &rows) && {
                 let ends = [(before.0, before.1.as_slice()), (time, state.as_slice())];
@@ -165,6 +204,105 @@ impl Rank {
             before = (time, state, rows);
             jumps
         })
+    }
+}
+
+/// States on the way of small steps of Runge and Kutta's method, without the first one.
+fn small_steps(dynamics: &dyn Dynamics, (from, y): (f64, &[f64]), to: f64, n: u32) -> Vec<Vec<f64>> {
+    let h = (to - from) / f64::from(n);
+    let rate = |t: f64, y: &[f64], by: f64, k: &[f64]| {
+        let moved: Vec<f64> = y.iter().zip(k).map(|(y, k)| y + by * k).collect();
+        let mut rates = vec![0.0; y.len()];
+        dynamics.rhs(t + by, &moved, &mut rates);
+        rates
+    };
+    let mut y = y.to_vec();
+    let mut step = |part: u32| {
+        let t = from + h * f64::from(part);
+        let a = rate(t, &y, 0.0, &y);
+        let b = rate(t, &y, h / 2.0, &a);
+        let c = rate(t, &y, h / 2.0, &b);
+        let d = rate(t, &y, h, &c);
+        for k in 0..y.len() {
+            y[k] += h / 6.0 * (a[k] + 2.0 * (b[k] + c[k]) + d[k]);
+        }
+        y.clone()
+    };
+    (0..n).map(&mut step).collect()
+}
+
+/// States on Hermite's cubic through two of them with their slopes, without the first one.
+fn cubic(
+    dynamics: &dyn Dynamics,
+    (from, start): (f64, &[f64]),
+    (to, end): (f64, &[f64]),
+    n: u32,
+) -> Vec<Vec<f64>> {
+    let h = to - from;
+    let mut slopes = [vec![0.0; end.len()], vec![0.0; end.len()]];
+    let [first, last] = &mut slopes;
+    dynamics.rhs(from, start, first);
+    dynamics.rhs(to, end, last);
+    let at = |s: f64| {
+        let weights = [
+            (1.0 + 2.0 * s) * (1.0 - s) * (1.0 - s),
+            s * s * (3.0 - 2.0 * s),
+            h * s * (1.0 - s) * (1.0 - s),
+            h * s * s * (s - 1.0),
+        ];
+        let value = |k: usize| {
+            let values = [start[k], end[k], slopes[0][k], slopes[1][k]];
+            weights.iter().zip(values).map(|(weight, value)| weight * value).sum::<f64>()
+        };
+        (0..end.len()).map(value).collect()
+    };
+    (1..=n).map(|part| at(f64::from(part) / f64::from(n))).collect()
+}
+
+/// A motion that ends where its rank is lost, for integrations that look at nothing else on the way.
+pub(super) struct Held<'a, F> {
+    dynamics: &'a dyn Dynamics,
+    rank: Option<Rank>,
+    /// Is told the samples.
+    sample: F,
+    error: Option<Error>,
+}
+
+impl<'a, F: FnMut(f64, &VecState)> Held<'a, F> {
+    /// From a state on.
+    pub(super) fn new(dynamics: &'a dyn Dynamics, t: f64, y: &[f64], sample: F) -> Self {
+        Held { dynamics, rank: Rank::new(dynamics, t, y), sample, error: None }
+    }
+
+    /// Whether the rank was kept.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] after the step on whose way it was lost.
+    pub(super) fn kept(self) -> Result<(), Error> {
+        self.error.map_or(Ok(()), Err)
+    }
+}
+
+impl<F: FnMut(f64, &VecState)> Observer<f64, VecState, 0> for Held<'_, F> {
+    fn sample(&mut self, t: f64, state: &VecState) {
+        (self.sample)(t, state);
+    }
+
+    fn step(&mut self, t: f64, state: &VecState) -> ControlFlow<()> {
+        let Some(rank) = &mut self.rank else { return ControlFlow::Continue(()) };
+        if rank.is_lost(self.dynamics, t, &state.0) {
+            self.error = Some(rank.lost(self.dynamics, t, &state.0));
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn values(&mut self, _: f64, _: &VecState) -> [f64; 0] {
+        []
+    }
+
+    fn event(&mut self, _: usize, _: f64, _: &mut VecState) -> Action {
+        Action::Continue
     }
 }
 
@@ -191,6 +329,10 @@ fn is_turned(a: &[VecState], b: &[VecState]) -> bool {
     along < TURNED * (own * other).sqrt()
 }
 
+fn length(x: &[f64]) -> f64 {
+    dot(x, x).sqrt()
+}
+
 fn dot(x: &[f64], y: &[f64]) -> f64 {
     x.iter().zip(y).map(|(x, y)| x * y).sum()
 }
@@ -199,8 +341,8 @@ fn dot(x: &[f64], y: &[f64]) -> f64 {
 fn distance(rows: &[VecState]) -> f64 {
     let mut left: Vec<Vec<f64>> = Vec::new();
     for VecState(row) in rows {
-        let length = dot(row, row).sqrt();
-        left.push(row.iter().map(|x| x / length).collect());
+        let own = length(row);
+        left.push(row.iter().map(|x| x / own).collect());
     }
     let mut least = 1.0_f64;
     while let Some(farthest) = (0..left.len()).max_by(|i, j| {

@@ -130,7 +130,7 @@ pub struct Members {
 /// Where a trajectory has stopped: time, state and energy.
 pub(super) type Stopping = (f64, Vec<f64>, Option<f64>);
 
-/// A trajectory through events.
+/// A trajectory that was followed from step to step.
 pub(super) struct Followed {
     /// As far as they were reached.
     pub(super) samples: Vec<Sample>,
@@ -193,8 +193,8 @@ impl Members {
         }
     }
 
-    /// What became of trajectories that events change, one by one in the order of those with a start.
-    pub(super) fn through_events(
+    /// What became of trajectories that were followed one by one, in the order of those with a start.
+    pub(super) fn one_by_one(
         factory: &dyn Factory,
         starts: &Beginnings,
         motions: Vec<Followed>,

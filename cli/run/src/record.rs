@@ -111,12 +111,7 @@ impl<'a> Record<'a> {
         if let Some(rank) = &mut self.rank
             && rank.is_lost(dynamics, t, y)
         {
-            let reason = format!(
-                "the {} depend on each other on the way of the last step: the motion may go on in more than one way \
-                 there",
-                rank.name()
-            );
-            return Err(stopped_because(dynamics.info(), t, y, reason));
+            return Err(rank.lost(dynamics, t, y));
         }
         let energy = self.energy(t, y)?;
         self.keep(t, energy);

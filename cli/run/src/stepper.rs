@@ -11,6 +11,7 @@ use super::auto::Purpose;
 use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
 use super::evaluate::{prepare, refused, why_stopped};
 use super::integrate::has_state;
+use super::lost_rank::Held;
 use super::method::{MethodName, Steps};
 use super::solver::method_of;
 use crate::error::Error;
@@ -22,6 +23,8 @@ pub struct Stepper<'a> {
     method: AnyMethod<'a>,
     options: Options<f64>,
     dt: f64,
+    /// Whether constraints may lose their rank on the way.
+    is_held: bool,
 }
 
 /// How states are moved on.
@@ -61,7 +64,22 @@ impl<R: Lanes, S: System<R>, M: Method<R, S>> Default for Storage<R, S, M> {
 /// Why a state was not moved on.
 enum Stop {
     Params(BadParams),
-    Solver(f64, SolverError),
+    Moving(f64, NotMoved),
+}
+
+/// Why an integration did not come to its end.
+enum NotMoved {
+    Solver(SolverError),
+    LostRank(Error),
+}
+
+/// Takes an integrator to a time.
+type Go<'g, R, S, M> = &'g mut dyn FnMut(&mut Integrator<'_, R, S, M>, R) -> Result<(), NotMoved>;
+
+impl From<SolverError> for NotMoved {
+    fn from(error: SolverError) -> Self {
+        NotMoved::Solver(error)
+    }
 }
 
 impl<'a> Stepper<'a> {
@@ -84,12 +102,13 @@ impl<'a> Stepper<'a> {
         let start = vec![0.0; factory.info().state.len()];
         let method = method_of(method, steps, Purpose::Ensemble, &*dynamics, &start)?;
         Method::<f64, PreparedScene<'a>>::validate(&method.of_scenes(), &options).map_err(invalid)?;
-        Ok(Stepper { factory, params: params.to_vec(), method, options, dt })
+        let is_held = !dynamics.constraint_rows(0.0, &start).is_empty();
+        Ok(Stepper { factory, params: params.to_vec(), method, options, dt, is_held })
     }
 
-    /// Whether states are moved on four at a time.
+    /// Whether states are moved on four at a time: not where each is held to the rank of constraints on its way.
     pub fn has_lanes(&self) -> bool {
-        self.method.of_lanes().is_some()
+        self.method.of_lanes().is_some() && !self.is_held
     }
 
     /// Moves four states on from a time, with common steps that keep the tolerances of each; whether they have come.
@@ -110,7 +129,7 @@ impl<'a> Stepper<'a> {
         }
         // It is there, as has just been seen.
         let Some(system) = &*system else { return false };
-        self.advance(system, method, rest, t, y).is_ok()
+        self.advance(system, method, rest, (t, y), &mut |solver, end| Ok(solver.integrate_to(end)?)).is_ok()
     }
 
     /// Moves one state on, as [`step_lanes`](Self::step_lanes) does, with steps of its own.
@@ -131,13 +150,25 @@ impl<'a> Stepper<'a> {
         };
         let info = self.factory.info();
         let moved = moved.and_then(|()| match &*system {
-            Some(system) => self.advance(system, self.method.of_scenes(), rest, t, y),
+            Some(system) => {
+                let (method, from) = (self.method.of_scenes(), (t, y.to_vec()));
+                self.advance(system, method, rest, (t, y), &mut |solver, end| {
+                    if !self.is_held {
+                        return Ok(solver.integrate_to(end)?);
+                    }
+                    let mut held = Held::new(&**system, from.0, &from.1, |_, _: &VecState| {});
+                    let moved = solver.observe::<0>(end, [], [], &mut held);
+                    held.kept().map_err(NotMoved::LostRank)?;
+                    moved.map(|_| ()).map_err(NotMoved::Solver)
+                })
+            }
             // It is there, as has just been seen.
             None => Ok(()),
         });
         moved.map_err(|stop| match stop {
             Stop::Params(bad) => refused(info, &self.params, bad),
-            Stop::Solver(at, error) => {
+            Stop::Moving(_, NotMoved::LostRank(error)) => error,
+            Stop::Moving(at, NotMoved::Solver(error)) => {
                 let state = info.state.iter().cloned().zip(y.iter().copied()).collect();
                 Error::Stopped { t: at, state, reason: why_stopped(info, &error) }
             }
@@ -150,14 +181,14 @@ impl<'a> Stepper<'a> {
         values.extend_from_slice(inputs);
     }
 
-    /// Moves a state on, and keeps the storage.
+    /// Moves a state on by what `go` does with an integrator, and keeps the storage.
     fn advance<R, S, M>(
         &self,
         system: &S,
         method: M,
         rest: &mut Option<AtRest<R, S, M>>,
-        t: f64,
-        y: &mut [R],
+        (t, y): (f64, &mut [R]),
+        go: Go<'_, R, S, M>,
     ) -> Result<(), Stop>
     where
         R: Lanes,
@@ -172,14 +203,14 @@ impl<'a> Stepper<'a> {
                 Integrator::new(system, method, start, VecState(y.to_vec()), options)
             }
         };
-        let mut solver = solver.map_err(|error| Stop::Solver(t, error))?;
-        let moved = solver.integrate_to(end);
+        let mut solver = solver.map_err(|error| Stop::Moving(t, error.into()))?;
+        let moved = go(&mut solver, end);
         let reached = solver.t().lane(0);
         if moved.is_ok() {
             y.copy_from_slice(&solver.state().0);
         }
         *rest = Some(solver.rest());
-        moved.map_err(|error| Stop::Solver(reached, error))
+        moved.map_err(|error| Stop::Moving(reached, error))
     }
 }
 
@@ -332,6 +363,31 @@ mod tests {
         stepper.step(&mut room, 0.0, &[0.3], &mut after).unwrap();
         stepper.step(&mut Room::default(), 0.0, &[0.3], &mut fresh).unwrap();
         assert_eq!(after, fresh);
+    }
+
+    /// Arms of a parallelogram that fold onto its base.
+    #[test]
+    fn a_step_past_a_loss_of_rank_is_refused() {
+        let text = "model parallelogram {
+            coordinate al in angle;
+            coordinate be, ga in angle by
+                0.3*[cos(al), sin(al)] + [cos(be), sin(be)] - 0.3*[cos(ga), sin(ga)] = [1, 0];
+            lagrangian = al_dot^2/2 + be_dot^2/2 + ga_dot^2;
+            multipliers;
+        }";
+        let model = Session::of_shipped(&[]).parse("parallelogram", text).unwrap_or_else(|e| panic!("{e}"));
+        let model = Arc::new(Checked::new(model, Cache::none()));
+        let scene = interpreted::build(&model, "default").unwrap_or_else(|e| panic!("{e}"));
+        let stepper = Stepper::new(&scene, &[], Pace { dt: 1.5, ..pace(MethodName::Vern9) }).unwrap();
+        assert!(!stepper.has_lanes());
+        let mut room = Room::default();
+        let mut y = [1.0, 0.0, 1.0, 1.0, 0.0, 1.0];
+        stepper.step(&mut room, 0.0, &[], &mut y).unwrap();
+        assert!((y[0] - 2.5).abs() < 1e-9, "{y:?}");
+        let before = y;
+        let stopped = stepper.step(&mut room, 1.5, &[], &mut y).unwrap_err().to_string();
+        assert!(stopped.contains("depend on each other"), "{stopped}");
+        assert_eq!(y, before);
     }
 
     #[test]

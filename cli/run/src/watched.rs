@@ -92,11 +92,6 @@ impl Watched {
         self.executable.events.get(index).map(|event| event.name.as_str())
     }
 
-    /// Number of parameters of the scene.
-    pub(super) fn n_params(&self) -> usize {
-        self.executable.program.params.len()
-    }
-
     /// Whether an event may change the state or end the motion.
     pub fn acts(&self) -> bool {
         self.has_own && self.executable.events.iter().any(|event| event.stops || !event.sets.is_empty())

@@ -21,6 +21,9 @@ use crate::scene;
 
 type Values = BTreeMap<SymbolId, f64>;
 
+/// A state by the names of it, with what the steps to it may have lost.
+type End = BTreeMap<String, (f64, f64)>;
+
 /// Points at which both are compared, and the most draws for them.
 const N_POINTS: usize = 3;
 const MAX_DRAWS: usize = 40;
@@ -62,11 +65,7 @@ impl Running {
 
     /// The state after a time, by the names of it, in steps of Runge and Kutta's method; and how far half as many
     /// steps lead elsewhere.
-    fn carried(
-        &self,
-        (t, time): (f64, f64),
-        of: impl Fn(&str) -> Option<f64>,
-    ) -> Option<BTreeMap<String, (f64, f64)>> {
+    fn carried(&self, (t, time): (f64, f64), of: impl Fn(&str) -> Option<f64>) -> Option<End> {
         let names = self.scene.state_names();
         let start: Vec<f64> = names.iter().map(|name| of(name)).collect::<Option<_>>()?;
         let interpreter = self.scene.prepare(&self.params).ok()?;
@@ -342,7 +341,7 @@ impl Setting<'_> {
         &self,
         section: &Section,
         (start, time): (&BTreeMap<String, f64>, f64),
-        (end, of_reduced): (&BTreeMap<String, (f64, f64)>, &BTreeMap<String, (f64, f64)>),
+        (end, of_reduced): (&End, &End),
     ) -> Option<Option<String>> {
         let names: Vec<&str> = self.leaving(section).into_iter().map(|s| self.graph.name(s)).collect();
         let moved = |name: &&str| Some((start.get(*name)?, end.get(*name)?, of_reduced.get(*name)?));
@@ -351,7 +350,7 @@ impl Setting<'_> {
             let Some((_, (x, e), (y, f))) = moved(&name) else { continue };
             let error = e + f;
             // Also where it is no number.
-            if !(error <= MAX_STEP_ERROR * time) {
+            if error.is_nan() || error > MAX_STEP_ERROR * time {
                 return None;
             }
             if !is_near(*x, *y, way + error / MAX_DIFFERENCE) {

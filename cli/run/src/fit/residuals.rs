@@ -15,6 +15,7 @@ use crate::dynamics::{Factory, PreparedDuals, PreparedScene, VecState};
 use crate::error::Error;
 use crate::evaluate::{describe, prepare, refused, why_stopped};
 use crate::least_squares::Linearised;
+use crate::lost_rank::Held;
 use crate::sensitivity::Along;
 use crate::simulation::stopped_because;
 use crate::solver::method_of;
@@ -274,9 +275,11 @@ fn states(
         other => Error::Options { reason: other.to_string() },
     })?;
     let mut states = Vec::with_capacity(times.len());
-    let reached = solver.sample(end, times.iter().copied(), |_, y: &VecState| states.push(y.0.clone()));
+    let mut held = Held::new(&**dynamics, t, &solver.state().0, |_, y: &VecState| states.push(y.0.clone()));
+    let reached = solver.observe::<0>(end, times.iter().copied(), [], &mut held);
+    held.kept()?;
     match reached {
-        Ok(()) => Ok((states, solver.state().0.clone())),
+        Ok(_) => Ok((states, solver.state().0.clone())),
         Err(error) => Err(stopped_because(info, solver.t(), &solver.state().0, why_stopped(info, &error))),
     }
 }
