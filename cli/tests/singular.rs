@@ -55,8 +55,8 @@ const PARALLELOGRAM: &str = "model parallelogram {
     initial al = 1; initial ga = 1; initial al_dot = 1;
 }";
 
-/// The same in an ensemble, by either form: those that come to the place end there with the energy that they had, and
-/// the others arrive.
+/// The same in an ensemble, by either form: trajectories that come to the place end there with the energy that they
+/// had, and the others arrive.
 #[test]
 fn no_trajectory_passes_a_loss_of_rank() {
     let solved = PARALLELOGRAM.replace("multipliers;", "");

@@ -33,8 +33,8 @@ const MAX_DRAWS: usize = 40;
 const MAX_DIFFERENCE: f64 = 1e-7;
 
 /// Times and steps of the motions that are compared: the group leaves the identity in the first one, and the error of a
-/// step is far below [`MAX_DIFFERENCE`] for rates of size one. A model with faster rates is compared after the first time
-/// whose steps are accurate; a motion of the last one is still far above rounding.
+/// step is far below [`MAX_DIFFERENCE`] for rates of size one. A model with faster rates is compared after the first
+/// time whose steps are accurate; a motion of the last one is still far above rounding.
 const TIMES: [f64; 6] = [1e-1, 6e-3, 4e-4, 2.5e-5, 1.5e-6, 1e-7];
 const N_STEPS: u32 = 16;
 
@@ -336,7 +336,8 @@ impl Setting<'_> {
         None
     }
 
-    /// The difference of the coordinates that leave after a time, if there is one; `None` where the steps were too long.
+    /// The difference of the coordinates that leave after a time, if there is one; `None` where the steps were too
+    /// long.
     fn motion_difference(
         &self,
         section: &Section,
