@@ -16,6 +16,7 @@ use hamel_run::forms::Forms;
 use hamel_run::info::Info;
 use hamel_run::inputs::{Between, InputTable};
 use hamel_run::method::{MethodName, Steps};
+pub(crate) use hamel_run::model::number as finite;
 use hamel_run::model::{CONTROLLED_SCENE, Checked, DEFAULT_SCENE, STOCHASTIC_SCENE, units};
 use hamel_run::noise::Noise;
 use hamel_run::request::table::Table;
@@ -214,19 +215,9 @@ pub(crate) fn assignment(text: &str) -> Result<(String, f64), String> {
     Ok((name.trim().to_owned(), finite(value)?))
 }
 
-pub(crate) fn finite(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(x) if x.is_finite() => Ok(x),
-        _ => Err(format!("{text:?} is not a finite number")),
-    }
-}
-
 /// A time above zero.
 pub(crate) fn duration(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(t) if t.is_finite() && t > 0.0 => Ok(t),
-        _ => Err("give a time above zero".into()),
-    }
+    finite(text).ok().filter(|t| *t > 0.0).ok_or_else(|| "give a time above zero".into())
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, IdealChain, Want, W
 use hamel_expr::Budget;
 
 pub use checked::Checked;
-pub use extended::{first_message, is_one_expression};
+pub use extended::{first_message, is_one_expression, number};
 
 use crate::error::Error;
 use crate::streams::{is_coloured, note};

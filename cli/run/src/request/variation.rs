@@ -6,7 +6,7 @@ use std::fmt;
 
 use hamel_expr::split_mix;
 
-use super::sheet::number;
+use crate::model::number;
 
 /// An interval, along which a quantity or its logarithm is uniform.
 #[derive(Clone, Copy, Debug, PartialEq)]
