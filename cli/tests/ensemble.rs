@@ -115,7 +115,8 @@ fn one_lane_gives_the_bits_of_simulate() {
         let sweep = format!("{swept}={range}");
         for lanes in ["1", "4"] {
             let file = folder.file(&format!("{lanes}.csv"));
-            ensemble(model, &["--sweep", &sweep, "--t-final", "2", "--lanes", lanes, "-o", &file]);
+            let method = ["--method", "dop853", "--lanes", lanes, "-o", &file];
+            ensemble(model, &[&["--sweep", &sweep, "--t-final", "2"][..], &method].concat());
         }
         let (one, four) = (folder.csv("1.csv"), folder.csv("4.csv"));
         assert_ne!(one.rows, four.rows);
@@ -218,7 +219,7 @@ fn an_ensemble_of_which_none_arrives_fails_after_it_was_written() {
     let fall = ["--sweep", "x_dot=-2..-1:3", "--initial", "x=0.2"];
     let told = failing(&[&fall[..], &["--lanes", "1"]].concat());
     assert!(told.contains("none of 3 trajectories"), "{told}");
-    let told = failing(&["--sweep", "x=3..4:5", "--t-final", "1", "--max-steps", "2"]);
+    let told = failing(&["--sweep", "x=3..4:5", "--t-final", "1", "--method", "dop853", "--max-steps", "2"]);
     assert!(told.contains("2 steps were not enough"), "{told}");
     // One that arrives is enough.
     ensemble(&model, &["--sweep", "m=-1..1:3", "--initial", "x=3", "--t-final", "0.1", "-o", &csv]);

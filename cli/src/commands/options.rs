@@ -165,7 +165,7 @@ pub struct MotionOptions {
     /// Components of the initial state; the others keep their default
     #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
     pub initial: Vec<(String, f64)>,
-    /// Integration method [default: dop853; midpoint where the scene has noise]
+    /// Integration method [default: dop853, of ensembles auto; midpoint where the scene has noise]
     #[arg(long, value_enum)]
     pub method: Option<MethodName>,
     /// Relative tolerance [default: 1e-10]

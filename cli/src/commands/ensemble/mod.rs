@@ -29,6 +29,7 @@ use hamel_run::integrate::has_state;
 use hamel_run::interpreted;
 use hamel_run::interrupts;
 use hamel_run::members::Beginnings;
+use hamel_run::method::MethodName;
 use hamel_run::model::{self, units};
 use hamel_run::noise::{Noise, method_for};
 use hamel_run::ranks::Ranks;
@@ -128,12 +129,14 @@ pub fn of_scene(
         let reason = "is given, but nothing is drawn: give --spread, or choose a scene with noise";
         return Err(Error::unusable("--count", reason));
     }
+    // Without tolerances there is nothing to choose by.
+    let fastest = (info.noises.is_empty() && motion.step.is_none()).then_some(MethodName::Auto);
     let starts = Starts::new(model, &info, forms)?;
     let pool = pool(arguments.threads)?;
     let mut asked = EnsembleRequest {
         members: Beginnings::none(0, 0),
         t_final: arguments.end.t_final,
-        method: method_for(&info, motion.method),
+        method: method_for(&info, motion.method.or(fastest)),
         steps,
         samples: arguments.samples,
         width: arguments.lanes,
