@@ -267,6 +267,11 @@ pub enum Error {
         /// Why not.
         reason: String,
     },
+    /// A scene wants a Dirac structure that has no matrices.
+    NoDirac {
+        /// Why not.
+        reason: String,
+    },
     /// A scene wants the map of a quotient that does not lead to its state.
     NoQuotient {
         /// Why not.
@@ -575,6 +580,12 @@ impl Error {
                 format!("there is no connection to tell: {reason}"),
                 "write `connection mechanical;` or `connection nonholonomic;`, or one by its components; beside fields \
                  and constraints alone none is needed"
+                    .into(),
+            ),
+            Error::NoDirac { reason } => (
+                format!("the Dirac structure has no matrices: {reason}"),
+                "leave `multipliers;` out, so that constraints are solved for velocities, or `dirac` out of what the scene \
+                 wants; `hamel explain --dirac` writes the structure"
                     .into(),
             ),
             Error::NoHamiltonianTime { reason } => (

@@ -20,6 +20,7 @@ mod claim;
 mod connection;
 mod definition;
 mod derived;
+mod dirac;
 mod discrete;
 mod fluid;
 mod frames;

@@ -267,6 +267,7 @@ impl Results<'_, '_> {
             }
             Want::Phases => self.phases(output, found, sheet)?,
             Want::Connection => self.connection(output, found, sheet, random)?,
+            Want::Dirac => self.dirac(output, found, sheet, random)?,
             Want::Invariants => {
                 let along = self.call_along(&Role::Output(output.name.clone())).unwrap_or_default();
                 for ((name, _), value) in output.components.iter().zip(along) {

@@ -290,6 +290,7 @@ pub(super) fn build_derived(
             }
             Error::NoPhases { .. } => place_of(Want::Phases.name()),
             Error::NoConnection { .. } => place_of(Want::Connection.name()),
+            Error::NoDirac { .. } => place_of(Want::Dirac.name()),
             Error::NoQuotient { .. } => place_of(Want::Quotient.name()),
             Error::NoSplitting { .. } => place_of(Want::Splitting.name()),
             Error::NoHamiltonianTime { .. } => place_of(Want::HamiltonianTime.name()),
@@ -431,6 +432,10 @@ pub(super) fn lower_scene(
     }
     if plan.phases {
         outputs.push(bundle::phases_of(&mut graph, &equations, &state)?);
+    }
+    if plan.dirac {
+        outputs.push(bundle::dirac_of(&mut graph, &equations, &state)?);
+        graph.within_budget()?;
     }
     if let Some(dim) = plan.connection {
         outputs.push(bundle::connection_of(&mut graph, &equations, &state, dim)?);

@@ -1,4 +1,4 @@
-//! Functions of a principal bundle that a scene can want: phases, and the local form of the connection.
+//! Functions of a principal bundle that a scene can want: phases, the local form of the connection, the Dirac structure.
 //!
 //! Does not know: how connections are derived, programs.
 
@@ -6,7 +6,7 @@ use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Graph};
 use hamel_lang::spec::Want;
 use hamel_mechanics::mechanics::{
-    Equations, LocalConnection, Output, Phase, StateEquation, of_attitudes, phases,
+    DiracKernel, Equations, LocalConnection, Output, Phase, StateEquation, of_attitudes, phases,
 };
 
 use super::dependence::{left_out, needs};
@@ -68,4 +68,23 @@ pub(super) fn connection_of(
     let doc = "local connection `A(x)` by components, with `xi = -A(x) xdot` along horizontal curves, and its curvature \
                `d_i A_j - d_j A_i - [A_i, A_j]`";
     Ok(Output::group(Want::Connection, components, doc))
+}
+
+/// The matrices of the reduced Dirac structure.
+pub(super) fn dirac_of(
+    g: &mut Graph,
+    equations: &Equations,
+    state: &[StateEquation],
+) -> Result<Output, Error> {
+    let DiracKernel { flows, efforts } = DiracKernel::new(g, equations)?;
+    let components: Vec<(String, ExprId)> = flows.into_iter().chain(efforts).collect();
+    let left_out = left_out(equations, state);
+    if let Some((name, _)) = components.iter().find(|(_, e)| needs(g, equations, *e, &left_out)) {
+        return Err(Error::NoDirac {
+            reason: format!("{name} depends on a coordinate that the scene leaves out"),
+        });
+    }
+    let doc = "matrices `F`, then `E`, row by row, of the reduced Dirac structure `F f + E e = 0`: flows are velocities and \
+               rates of momenta, efforts pair with them";
+    Ok(Output::group(Want::Dirac, components, doc))
 }

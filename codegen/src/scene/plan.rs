@@ -48,6 +48,8 @@ pub(super) struct Plan {
     pub(super) phases: bool,
     /// The local form of the connection and its curvature, along so many velocities of the algebra.
     pub(super) connection: Option<usize>,
+    /// The matrices of the reduced Dirac structure.
+    pub(super) dirac: bool,
     /// The nonholonomic bracket.
     pub(super) bracket: bool,
     /// The time in which the motion is Hamiltonian, in the place of the model's.
@@ -133,6 +135,7 @@ impl Plan {
             positions,
             phases,
             connection,
+            dirac,
             bracket,
             hamiltonian_time,
             splitting,
@@ -154,6 +157,7 @@ impl Plan {
             *invariants,
             *phases,
             connection.is_some(),
+            *dirac,
             *bracket,
             *hamiltonian_time,
             *splitting,
@@ -184,6 +188,7 @@ impl Plan {
             positions: Share::None,
             phases: false,
             connection: None,
+            dirac: false,
             bracket: false,
             hamiltonian_time: false,
             splitting: false,
@@ -234,6 +239,7 @@ impl Plan {
                             plan.formulation.connection.get_or_insert(ConnectionKind::Nonholonomic);
                         }
                     }
+                    Wanted::Want(Want::Dirac) => plan.dirac = true,
                     Wanted::Want(Want::Bracket) => plan.bracket = true,
                     Wanted::Want(Want::HamiltonianTime) => plan.hamiltonian_time = true,
                     Wanted::Want(Want::Splitting) => plan.splitting = true,

@@ -96,6 +96,8 @@ pub enum Want {
     Phases,
     /// The local form of the connection, and its curvature.
     Connection,
+    /// The matrices of the reduced Dirac structure.
+    Dirac,
     /// The Taylor coefficients of solutions.
     Taylor,
     /// What the motion conserves, with gradients.
@@ -120,7 +122,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 53] = [
+    pub const ALL: [Want; 54] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -164,6 +166,7 @@ impl Want {
         Want::Events,
         Want::Phases,
         Want::Connection,
+        Want::Dirac,
         Want::Taylor,
         Want::Invariants,
         Want::Positions,
@@ -222,6 +225,7 @@ impl Want {
             Want::Events => "events",
             Want::Phases => "phases",
             Want::Connection => "connection",
+            Want::Dirac => "dirac",
             Want::Taylor => "taylor",
             Want::Invariants => "invariants",
             Want::Positions => "positions",
@@ -256,7 +260,7 @@ impl Want {
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
             Bias, Bracket, Casimirs, CenterOfMass, CenterOfMassJacobian, CentroidalMomentum,
-            CentroidalMomentumMatrix, Circles, Connection, Constraint, Digits, Events, Feedthrough,
+            CentroidalMomentumMatrix, Circles, Connection, Constraint, Digits, Dirac, Events, Feedthrough,
             FrameDrifts, FrameJacobians, FramePoses, FrameTwists, Frames, Gravity, HamiltonianTime, Implicit,
             InputJacobian, Invariants, InverseDynamics, Linearization, MassMatrix, Matrices,
             MomentumEquation, NonholonomicMomentum, OperationalSpace, OutputJacobian, Outputs, Phases,
@@ -273,6 +277,7 @@ impl Want {
                 | Events
                 | Phases
                 | Connection
+                | Dirac
                 | Sections
                 | SectionRates
                 | Taylor

@@ -69,6 +69,45 @@ fn is_homogeneous(g: &mut Graph, row: &AccelerationRow, velocities: &[SymbolId])
     })
 }
 
+/// One-forms that vanish on the displacements and on nothing else: the reactions' own ones, without the velocities that
+/// only parametrise constraints.
+///
+/// A displacement has `a_A eta + q_A s = 0` for some `s`, that is, `q_B a_A eta = q_A a_B eta` for all pairs; one pair
+/// with each `A` is enough where `q_B` is a number. Of a solved constraint `q_A` is `-a_A W_s`, with the column of `s`.
+pub(super) fn annihilator(g: &mut Graph, system: &ReducedSystem) -> Vec<Vec<ExprId>> {
+    let solved = match &system.constraint {
+        KinematicConstraint::Multipliers { reactions, .. } => return reactions.clone(),
+        KinematicConstraint::Solved(solved) => solved,
+    };
+    let n = system.velocities.len();
+    let mut forms: Vec<Vec<ExprId>> =
+        solved.reactions.one_forms.iter().map(|form| form[..n].to_vec()).collect();
+    for k in (0..solved.unknowns.len()).filter(|k| solved.unknowns[*k].frame_idx.is_none()) {
+        let column: Vec<ExprId> = solved.virtual_displacements.iter().map(|row| row[k]).collect();
+        let (mut free, mut bound) = (Vec::new(), Vec::new());
+        for form in forms {
+            let along = g.dot(&form, &column);
+            match g.is_zero(along) {
+                true => free.push(form),
+                false => bound.push((form, along)),
+            }
+        }
+        let pivot = bound.iter().position(|(_, q)| g.as_number(*q).is_some());
+        for i in 0..bound.len() {
+            for j in (i + 1..bound.len()).filter(|j| pivot.is_none_or(|pivot| pivot == i || pivot == *j)) {
+                let [(a, p), (b, q)] = [&bound[i], &bound[j]];
+                let crossed = a.iter().zip(b).map(|(a, b)| {
+                    let [first, second] = [g.mul(*a, *q), g.mul(*b, *p)];
+                    g.sub(first, second)
+                });
+                free.push(crossed.collect());
+            }
+        }
+        forms = free;
+    }
+    forms
+}
+
 impl DiracStructure {
     /// The structure of a system.
     pub fn new(system: &ReducedSystem) -> DiracStructure {
@@ -78,18 +117,21 @@ impl DiracStructure {
             names.iter().map(|name| g.symbol(&format!("{stem}_{name}"))).collect()
         };
         let base: Vec<String> = system.algebroid.base().iter().map(|x| g.name(*x).to_owned()).collect();
-        let (forms, has_own_velocities): (&[Vec<ExprId>], bool) = match &system.constraint {
+        let forms = annihilator(&mut g, system);
+        let has_own_velocities = match &system.constraint {
             KinematicConstraint::Solved(solved) => {
                 let n_rows = solved.reactions.names.len();
                 let rows = solved.rows.get(..n_rows).unwrap_or_default();
                 let is_linear = rows.iter().all(|row| row.offset == g.zero());
-                let is_own = rows.iter().map(|row| &row.one_form).eq(&solved.reactions.one_forms);
-                (&solved.reactions.one_forms, is_linear && is_own)
+                // Rows may have coefficients of velocities that only parametrise constraints behind the others.
+                let n = system.velocities.len();
+                let along_frame = rows.iter().map(|row| &row.one_form[..n]);
+                is_linear && along_frame.eq(solved.reactions.one_forms.iter().map(|form| &form[..n]))
             }
             KinematicConstraint::Multipliers { rows, reactions } => {
                 let is_own = rows.iter().map(|row| &row.one_form).eq(reactions);
                 let is_homogeneous = |row: &AccelerationRow| is_homogeneous(&mut g, row, &system.velocities);
-                (reactions, is_own && rows.iter().all(is_homogeneous))
+                is_own && rows.iter().all(is_homogeneous)
             }
         };
         let eta = named(&mut g, "eta", frame);

@@ -15,6 +15,7 @@ mod constrained;
 mod curvature;
 mod derive;
 mod dirac;
+mod dirac_kernel;
 mod discrete;
 mod displacements;
 mod entropies;
@@ -66,6 +67,7 @@ pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coeffic
 pub use curvature::{ConnectionName, LiftBracket, NamedConnection};
 pub use derive::{Extent, derive, derive_to};
 pub use dirac::DiracStructure;
+pub use dirac_kernel::DiracKernel;
 pub use discrete::{DiscreteEquations, DiscreteSetting, DiscreteUnknown, discrete_equations, row_name};
 pub use displacements::{BothEquations, DisplacementForms};
 pub use equations::{
