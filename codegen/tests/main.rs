@@ -16,6 +16,7 @@ mod chains;
 mod circles;
 mod closed_loops;
 mod digits;
+mod dirac;
 mod discrete;
 mod edges;
 mod events;

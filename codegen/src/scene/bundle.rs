@@ -1,4 +1,5 @@
-//! Functions of a principal bundle that a scene can want: phases, the local form of the connection, the Dirac structure.
+//! Functions of a principal bundle that a scene can want: phases, the local form of the connection, the Dirac
+//! structure.
 //!
 //! Does not know: how connections are derived, programs.
 

@@ -1,8 +1,8 @@
 //! The kernel representation of the reduced Dirac structure, by functions of the state.
 //!
-//! Flows are `f = (eta, pdot)`, efforts `e = (gamma, w)`; `gamma` is all that pairs with the velocity `eta`, the covector
-//! `rho^* alpha` along the rates of places included, and `w` pairs with `pdot`. With the one-forms `a` of the reactions
-//! and a basis `W` of their annihilator, displacements,
+//! Flows are `f = (eta, pdot)`, efforts `e = (gamma, w)`; `gamma` is all that pairs with the velocity `eta`, the
+//! covector `rho^* alpha` along the rates of places included, and `w` pairs with `pdot`. With the one-forms `a` of the
+//! reactions and a basis `W` of their annihilator, displacements,
 //!
 //! ```text
 //! D = { (f, e) : F f + E e = 0 }:   a eta = 0,   w - eta = 0,   W^T (pdot + gamma + B eta) = 0,   B_bd = C^c_bd p_c
