@@ -35,6 +35,7 @@ mod lyapunov;
 mod malformed;
 mod modes;
 mod named_frames;
+mod named_momenta;
 mod noise;
 mod parts;
 mod quasi_invariance;

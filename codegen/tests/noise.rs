@@ -86,7 +86,7 @@ const PENDULUM: &str = "model pendulum {
     output h1 = p*cos(a);
     output h2 = p*q;
     scene s { input W1, W2; want rhs, energy, outputs, bracket; }
-    scene derivatives_of_it { input W1, W2; want rhs, jacobian, jvp, vjp, inverse_dynamics, mass_matrix; }
+    scene derivatives_of_it { input W1, W2; want rhs, jacobian, jvp, vjp, linearization, inverse_dynamics, mass_matrix; }
 }";
 /// Links, each written by the one before it, of which noise moves some.
 const CHAIN: &str = "model chain {

@@ -51,9 +51,12 @@ impl Motion {
                     Motion::displacement_before_stages(setting, at, own, &kept)?
                 }
                 _ => {
-                    let is_it = |u: &hamel_mechanics::reduction::Unknown| match u.frame_idx {
-                        Some(k) => k == *velocity,
-                        None => {
+                    // A connection that is solved for, and an internal frame, keep the names of velocities.
+                    let original = system.frame.as_ref().and_then(|frame| frame.original.get(*velocity));
+                    let is_it = |u: &hamel_mechanics::reduction::Unknown| match (original, u.frame_idx) {
+                        (Some(original), _) => original.symbol == u.symbol,
+                        (None, Some(k)) => k == *velocity,
+                        (None, None) => {
                             *velocity >= n_frame
                                 && model.quasi_velocities[velocity - n_frame].symbol == u.symbol
                         }
