@@ -379,3 +379,29 @@ fn what_matrices_cannot_do_is_said() {
         folder.refused(&["simulate", "zeitlin_euler_3", "--method", "isospectral", "--step", "0.1"], "");
     assert!(said.contains("has equations"), "{said}");
 }
+
+/// Modes that a request leaves out begin as the model says, with the parameters of the request.
+#[test]
+fn requests_may_leave_out_modes_that_the_model_gives() {
+    let text = "/// Waves
+        model waves {
+            param b = 0.3;
+            algebra fluid = zeitlin(9);
+            momentum omega in fluid as *;
+            action right;
+            hamiltonian = -dot(omega, laplacian(fluid)^-1*omega);
+            initial re_1_0 = b;
+            initial im_1_2 = 0.25;
+            scene default { want matrices, energy; }
+        }";
+    let folder = Folder::new("left-out", &[("waves.hamel", text.to_owned())]);
+    let request =
+        |rest: &str| folder.json("waves.hamel", &format!("{{\"t_final\": 0.1, \"step\": 0.05{rest}}}"));
+    let short = request(", \"params\": {\"b\": 0.5}");
+    let whole = request(", \"initial\": {\"re_1_0\": 0.5, \"im_1_2\": 0.25}");
+    assert_eq!(short["final"], whole["final"]);
+    assert_eq!(short["initial"], serde_json::json!({"re_1_0": 0.5, "im_1_2": 0.25}));
+    assert!(whole.get("initial").is_none());
+    let one = request(", \"initial\": {\"re_1_0\": 0.5}");
+    assert_eq!(one["final"], whole["final"]);
+}

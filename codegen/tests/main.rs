@@ -36,6 +36,7 @@ mod lyapunov;
 mod malformed;
 mod modes;
 mod named_frames;
+mod named_momenta;
 mod noise;
 mod parts;
 mod quasi_invariance;

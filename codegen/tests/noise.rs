@@ -75,6 +75,43 @@ const CART: &str = "model cart {
     scene s { input W1, W2, W3; want rhs, energy, energy_rate, jacobian, jvp, linearization; }
     scene points { input W1, W2; circle theta; want rhs, energy; }
 }";
+/// Squares of velocities whose directions turn with coordinates that noise moves.
+const PENDULUM: &str = "model pendulum {
+    coordinate a, b in angle;
+    momentum p of a_dot; momentum q of b_dot;
+    let v = a_dot*[cos(a), sin(a)] + b_dot*[cos(b), sin(b)];
+    lagrangian = (a_dot^2 + dot(v, v))/2 + cos(a) + cos(b);
+    noise W1: p*cos(a);
+    noise W2: p*q;
+    output h1 = p*cos(a);
+    output h2 = p*q;
+    scene s { input W1, W2; want rhs, energy, outputs, bracket; }
+    scene derivatives_of_it { input W1, W2; want rhs, jacobian, jvp, vjp, linearization, inverse_dynamics, mass_matrix; }
+}";
+/// Links, each written by the one before it, of which noise moves some.
+const CHAIN: &str = "model chain {
+    size n = 4;
+    coordinate q: vector(n) in angle;
+    momentum p of q_dot;
+    let u[0] = [0, 0];
+    for k in 1..n { let u[k] = u[k - 1] + rot(q[k])*[0, q_dot[k]]; }
+    lagrangian = sum(dot(u[k], u[k])/2 + cos(q[k]) for k in 1..n);
+    noise W1: p1*q2 + p3^2/2;
+    noise W2: sin(q4);
+    scene s { input W1, W2; want rhs, energy, jacobian; }
+    scene still { input W2; want rhs, energy, jacobian; }
+}";
+/// A body in space by angles.
+const ANGLES: &str = "model angles {
+    coordinate phi, theta, psi in angle;
+    momentum p of phi_dot; momentum q of theta_dot;
+    let R = rot(e3, phi)*rot(e1, theta)*rot(e3, psi);
+    body top { mass 1; place R*[0, 0, 0.5]; inertia diag([1, 2, 3]); attitude R; }
+    lagrangian = top_energy - R[3, 3];
+    noise W1: q + p*psi;
+    noise W2: p^2/2;
+    scene s { input W1, W2; want rhs, energy; }
+}";
 /// A plane pendulum whose rod is kept by a multiplier.
 const ROD: &str = "model rod {
     coordinate x, y in real;
@@ -86,6 +123,36 @@ const ROD: &str = "model rod {
     scene s { input W; want rhs, energy, energy_rate, multipliers; }
 }";
 
+/// Velocities and momenta along stages, in a frame that turns with a coordinate that the noise moves.
+const STAGED: &str = "model staged {
+    coordinate x, y in real;
+    velocity u, v, z in heisenberg(1);
+    connection u = x*y_dot;
+    lagrangian = (1 + x^2)*x_dot^2/2 + y_dot^2/2 + u^2/2 + v^2/2 + z^2 + u*z/5 + x_dot*v/4 - x^2;
+    constraint y_dot = x*x_dot + u/3;
+    independent x_dot, u, v, z;
+    momentum p of x_dot; momentum P of u; momentum Q of v; momentum R of z;
+    noise W1: p*R/3 + p^2 + x*P;
+    noise W2: p*P/4 + Q*R;
+    output h1 = p*R/3 + p^2 + x*P;
+    output h2 = p*P/4 + Q*R;
+    stage plane;
+    stage line = ideal(v, z) { connection z = x^2*x_dot; }
+    stage centre = ideal(z);
+    momentum B of stages;
+    scene s { input W1, W2; want rhs, energy, outputs, bracket; }
+    scene levels { input W1, W2; carry stages; want rhs, energy, outputs, bracket; }
+    scene momenta { input W1, W2; carry B; want rhs, energy, outputs, bracket; }
+    scene mixed { input W1, W2; carry stages, B_centre; want rhs, energy, outputs, bracket; }
+}";
+
+/// The same with an inner product that depends on the coordinate: the frame turns with the levels as well.
+fn turning() -> String {
+    STAGED
+        .replace(", bracket;", ";")
+        .replace("stage plane;", "inner_product = [[2 + x^2, 0, x], [0, 1, x], [x, x, 3]]; stage plane;")
+}
+
 #[test]
 fn noise_is_held_to_its_definition() {
     for (text, scenes) in [
@@ -94,6 +161,11 @@ fn noise_is_held_to_its_definition() {
         (SLEIGH, &["s", "group", "stochastic"]),
         (CART, &["s", "points", "stochastic"]),
         (ROD, &["s", "stochastic"]),
+        (STAGED, &["s", "levels", "momenta", "mixed", "stochastic"]),
+        (PENDULUM, &["s", "derivatives_of_it"]),
+        (CHAIN, &["s", "still"]),
+        (ANGLES, &["s"]),
+        (&turning(), &["levels", "momenta", "mixed"]),
     ] {
         scenes.iter().for_each(|scene| _ = build(text, scene));
     }
@@ -113,7 +185,10 @@ fn by_noise(built: &BuiltScene, (k, n): (usize, usize), t: f64, y: &[f64]) -> Ve
 /// The fields of noises are `Pi dh` with the bracket of the scene's state, which another derivation makes.
 #[test]
 fn noise_moves_along_the_bracket() {
-    for (text, name) in [(TOP, "s"), (BODY, "s"), (BODY, "carried"), (SLEIGH, "s")] {
+    let staged = ["s", "levels", "momenta", "mixed"].map(|name| (STAGED, name));
+    for (text, name) in
+        [(TOP, "s"), (BODY, "s"), (BODY, "carried"), (SLEIGH, "s"), (PENDULUM, "s")].into_iter().chain(staged)
+    {
         let built = build(text, name);
         let params: Vec<f64> =
             built.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
@@ -182,7 +257,15 @@ fn noise_on_algebras_of_all_kinds() {
 #[test]
 fn deliberate_faults_are_found() {
     type Fault = fn(Made<'_>);
-    let faults: [(&str, &str, &str, Fault); 6] = [
+    let faults: [(&str, &str, &str, Fault); 7] = [
+        ("half a force of noise along a level", STAGED, "levels", |made| {
+            if let Made::System(s) = made {
+                let w = s.graph.sym(s.noises[0]);
+                let half = s.graph.scale(w, &hamel_expr::Rational::new(1.into(), 2.into()));
+                let along = std::collections::BTreeMap::from([(s.noises[0], half)]);
+                s.forces[0] = s.graph.subs(s.forces[0], &along).unwrap();
+            }
+        }),
         ("the sign of a transport", BODY, "s", |made| {
             if let Made::System(s) = made {
                 let (_, rate) = &mut s.noise_rates[0];

@@ -34,6 +34,7 @@ use hamel_run::method::{MethodName, Steps};
 use hamel_run::model::blocks;
 use hamel_run::model::{self, Checked, Model, roles};
 use hamel_run::noise::{Noise, method_for, samples_for};
+use hamel_run::request::fluid::request as request_of_matrices;
 use hamel_run::request::json::by_name;
 use hamel_run::request::simulate::Completion;
 use hamel_run::request::{read_request, sizes};
@@ -167,7 +168,7 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         if !SimulateRequest::sections(&text)?.is_empty() {
             return Err(Error::unusable("sections", "are not possible: a fluid of matrices has no events"));
         }
-        let request = SimulateRequest::parse(&text, &info)?;
+        let (request, is_completed) = request_of_matrices(fluid, &text, &info)?;
         let shield = Shield::raise();
         let Outcome { response, casimirs, .. } =
             matrices::simulate(fluid, &request, &[], &mut hamel_run::interrupts::look)?;
@@ -176,6 +177,10 @@ fn of_matrices(fluid: &MatrixFluid, arguments: &Arguments) -> Result<String, Err
         if let Some(fields) = answer.as_object_mut() {
             let values = casimirs.into_iter().map(|(name, ends)| (name, ends.to_vec().into()));
             fields.insert("casimirs".into(), serde_json::Value::Object(values.collect()));
+            if is_completed {
+                let names = info.state.iter().map(String::as_str);
+                fields.insert("initial".into(), by_name(names, &request.initial));
+            }
         }
         return told_until_interrupted(&request, &response, answer.to_string());
     }

@@ -216,6 +216,12 @@ impl Results<'_, '_> {
             let symbol = model.multipliers.iter().find(|(name, _)| *name == own.name);
             symbol.into_iter().for_each(|(_, symbol)| place.env.set(*symbol, force));
         }
+        if !self.setting.definition.has_hamiltonian() {
+            for momentum in Motion::named_momenta(self.setting, &place)? {
+                let value = Motion::momentum(self.setting, &place, &momentum.along)?;
+                place.env.set(momentum.symbol, value);
+            }
+        }
         let mut slopes = Vec::new();
         for name in &self.setting.claim.observed {
             let mut components = model.outputs.iter().flat_map(|o| &o.components);

@@ -9,11 +9,15 @@
 //! # Source
 //! Lazaro-Cami and Ortega 2008, Stochastic Hamiltonian dynamical systems.
 
+use std::collections::BTreeSet;
+
 use hamel_runtime::{Dual, Real};
 
 use hamel_expr::SymbolId;
+use hamel_mechanics::reduction::KinematicConstraint;
 
 use super::definition::{Missing, Place};
+use super::linear::Reduced;
 use super::motion::Motion;
 use super::point::Setting;
 use super::tape::Tape;
@@ -37,16 +41,89 @@ impl Motion {
         let (model, n_frame) = (definition.model, definition.m);
         let mut found = Vec::new();
         for (_, symbol, velocity) in model.momenta.iter().flat_map(|m| &m.components) {
-            let is_it = |u: &hamel_mechanics::reduction::Unknown| match u.frame_idx {
-                Some(k) => k == *velocity,
-                None => *velocity >= n_frame && model.quasi_velocities[velocity - n_frame].symbol == u.symbol,
+            let along = match &system.frame {
+                // A state along stages has unknowns of its own; the momentum is along a velocity of the model.
+                Some(frame) if system.formulation.stages.is_carried() => {
+                    let quasi = || model.quasi_velocities.get(velocity - n_frame).map(|v| v.symbol);
+                    let own = frame.original.get(*velocity).map(|u| u.symbol).or_else(quasi);
+                    let kept = Motion::kept_before_stages(setting);
+                    let Some(own) = own.filter(|own| kept.contains(own)) else { continue };
+                    Motion::displacement_before_stages(setting, at, own, &kept)?
+                }
+                _ => {
+                    // A connection that is solved for, and an internal frame, keep the names of velocities.
+                    let original = system.frame.as_ref().and_then(|frame| frame.original.get(*velocity));
+                    let is_it = |u: &hamel_mechanics::reduction::Unknown| match (original, u.frame_idx) {
+                        (Some(original), _) => original.symbol == u.symbol,
+                        (None, Some(k)) => k == *velocity,
+                        (None, None) => {
+                            *velocity >= n_frame
+                                && model.quasi_velocities[velocity - n_frame].symbol == u.symbol
+                        }
+                    };
+                    let Some(unknown) = system.unknowns.iter().position(is_it) else { continue };
+                    Motion::displacement_of(setting, at, unknown)?
+                }
             };
-            let Some(unknown) = system.unknowns.iter().position(is_it) else { continue };
-            let along = Motion::displacement_of(setting, at, unknown)?;
             let along = definition.group_velocities(&at.env, &along[..n_frame])?;
             found.push(NamedMomentum { symbol: *symbol, along });
         }
         Ok(found)
+    }
+
+    /// The velocities of the model, by their symbols, that its constraints do not determine, where the state has
+    /// velocities along stages in their place.
+    fn kept_before_stages(setting: &Setting<'_>) -> BTreeSet<SymbolId> {
+        let system = &setting.claim.equations.system;
+        let Some(frame) = &system.frame else { return BTreeSet::new() };
+        let original = frame.original.iter().map(|u| u.symbol);
+        let quasi = setting.definition.model.quasi_velocities.iter().map(|v| v.symbol);
+        let all: BTreeSet<SymbolId> = original.chain(quasi).collect();
+        // The state follows from the velocities that are kept, and from no others.
+        let own = system.unknowns.iter().map(|u| u.symbol);
+        let values = system.changes.iter().flat_map(|change| system.graph.free_symbols(change.value));
+        own.chain(values).filter(|symbol| all.contains(symbol)).collect()
+    }
+
+    /// The virtual displacement along a velocity of the model with no part along others that are kept.
+    fn displacement_before_stages<R: Real>(
+        setting: &Setting<'_>,
+        at: &Place<R>,
+        velocity: SymbolId,
+        kept: &BTreeSet<SymbolId>,
+    ) -> Result<Vec<R>, Missing> {
+        let definition = &setting.definition;
+        let system = &setting.claim.equations.system;
+        let (m, n) = (definition.m, definition.n_displacements());
+        let one = |is_one: bool| if is_one { R::ONE } else { R::ZERO };
+        let mut columns: Vec<Vec<R>> = Vec::new();
+        for k in 0..m {
+            let unit: Vec<R> = (0..m).map(|j| one(j == k)).collect();
+            columns.push(definition.before_stages(&at.env, &unit)?);
+        }
+        let mut rows = Vec::new();
+        if matches!(system.constraint, KinematicConstraint::Solved(_)) {
+            for (_, mut form) in definition.one_forms(at)? {
+                form.push(R::ZERO);
+                rows.push(form);
+            }
+        }
+        for (i, u) in system.frame.iter().flat_map(|frame| &frame.original).enumerate() {
+            if kept.contains(&u.symbol) {
+                let mut row: Vec<R> = columns.iter().map(|column| column[i]).collect();
+                row.resize(n, R::ZERO);
+                row.push(one(u.symbol == velocity));
+                rows.push(row);
+            }
+        }
+        for (j, v) in definition.model.quasi_velocities.iter().enumerate().take(n - m) {
+            if kept.contains(&v.symbol) {
+                let mut row: Vec<R> = (0..n).map(|k| one(k == m + j)).collect();
+                row.push(one(v.symbol == velocity));
+                rows.push(row);
+            }
+        }
+        Ok(Reduced::new(rows, n).solution(&vec![R::ZERO; n]))
     }
 
     /// `<p, w>` for a displacement in the frame of the group.

@@ -87,7 +87,8 @@ impl Modes {
         self.waves.binary_search(&half).is_ok().then_some(wave)
     }
 
-    /// `S(a, b)`: `(N/2 pi) sin(2 pi (a x b)/N)`, and `-(a x b)` on the torus, where `[f, g] = f_x g_y - f_y g_x`.
+    /// `S(a, b)`: `(N/2 pi) sin(2 pi (a x b)/N)`, and `-(a x b)` on the torus, where `[f, g] = f_x g_y - f_y g_x`; the
+    /// first is Zeitlin's and tends to `[f, g] = f_y g_x - f_x g_y`.
     fn constant(&self, (a1, a2): Wave, (b1, b2): Wave) -> Number {
         let product = a1 * b2 - a2 * b1;
         let rational = |n: i64, d: i64| Number::from(Rational::new(n.into(), d.into()));

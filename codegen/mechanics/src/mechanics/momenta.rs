@@ -208,6 +208,7 @@ impl Derivation<'_> {
             for e in frame.iter_mut().flatten() {
                 *e = self.replace(*e)?;
             }
+            self.turned_by_noise(square, &v, &mut forces)?;
             let force = self.inertia_force(square, k, (&v, frame), &lag);
             for (component, force) in square.components.iter().zip(force) {
                 for (terms, slope) in forces.iter_mut().zip(&component.slopes) {
@@ -217,6 +218,29 @@ impl Derivation<'_> {
             }
         }
         Ok(forces.iter().map(|terms| self.g.sum(terms)).collect())
+    }
+
+    /// `weight v . dv_alpha/dx xi` of a square, by `alpha`, where noise moves base coordinates by `xi`: what the other
+    /// terms of the equation leave of this along the velocity, they do not leave along the noise.
+    fn turned_by_noise(
+        &mut self,
+        square: &Square,
+        v: &[ExprId],
+        forces: &mut [Vec<ExprId>],
+    ) -> Result<(), Error> {
+        let system = self.system;
+        let momentum = square.momentum(&mut self.g, v);
+        for (x, rate) in &system.noise_rates {
+            let rate = self.replace(*rate)?;
+            for (component, p) in square.components.iter().zip(&momentum) {
+                for (terms, slope) in forces.iter_mut().zip(&component.slopes) {
+                    let turning = self.g.diff(*slope, *x);
+                    let turning = self.replace(turning)?;
+                    terms.push(self.g.product(&[*p, turning, rate]));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// `rho dL/dx + F + (N - C y) p - (dp/dx xdot + dp/dt)` along one section, of the part of the Lagrangian that `p`,

@@ -291,8 +291,12 @@ fn without(
 
 impl Recursion {
     /// The recursion of a system; none where a constraint has to be solved together with others, where displacements
-    /// are not those of the motion, or where a sum by parts is not seen to be the sum that was read.
+    /// are not those of the motion, where noise moves coordinates beside the velocities, or where a sum by parts is not
+    /// seen to be the sum that was read.
     pub(super) fn new(g: &mut Graph, system: &ReducedSystem) -> Option<Recursion> {
+        if !system.noise_rates.is_empty() {
+            return None;
+        }
         let solved = eliminated(system)?;
         let rows: Vec<ExprId> = solved.rows.iter().map(|row| row.written).collect::<Option<_>>()?;
         let (squares, rest) = take_squares(g, system, true);

@@ -8,10 +8,11 @@ use std::collections::BTreeSet;
 
 use hamel_expr::{ExprId, SymbolId};
 use hamel_lang::algebra::solve_over_determinant;
-use hamel_lang::spec::{ConnectionKind, Model};
+use hamel_lang::spec::{ConnectionKind, ExpressionRole, Model};
 
 use super::connection::hessian;
 use super::formulation::Formulation;
+use super::noise;
 
 /// The mechanical connection `A = K^-1 L_vx` with the locked inertia `K_ab = d^2L/dv^a dv^b` and the coupling
 /// `d^2L/dv^a dxdot^i`.
@@ -36,13 +37,15 @@ impl Lift {
     }
 
     /// The mechanical connection of a model whose state has all of its velocities, where no constraint restricts them
-    /// and `K` and `L_vx` are functions of shape and time, unless it vanishes.
+    /// `K` and `L_vx` are functions of shape and time, and nothing mentions momenta, which are those along the frame of
+    /// the connection; unless it vanishes.
     pub(super) fn of(model: &mut Model, formulation: &Formulation) -> Option<Lift> {
         let (n, dim) = (model.n_shape(), model.algebra.dim());
         let is_free = model.constraints.is_empty()
             && model.virtual_constraints.is_empty()
             && model.quasi_velocities.is_empty()
-            && formulation.momenta.is_empty();
+            && formulation.momenta.is_empty()
+            && !mentions_momenta(model);
         let is_plain = model.algebroid.is_none()
             && model.frame.is_none()
             && model.given.is_none()
@@ -65,6 +68,18 @@ impl Lift {
         let connection = solve_over_determinant(g, &inertia, &coupling).ok()?;
         Some(Lift { inertia, coupling, connection })
     }
+}
+
+/// Whether an expression of the model contains a momentum that it names; noises that are held do not count.
+fn mentions_momenta(model: &Model) -> bool {
+    let named = model.momenta.iter().flat_map(|momentum| &momentum.components);
+    let named: BTreeSet<SymbolId> = named.map(|(_, symbol, _)| *symbol).collect();
+    let is_taken = |k: usize| noise::taken(model).any(|noise| noise.symbol == model.noises[k].symbol);
+    let mut expressions = model.expressions().into_iter();
+    expressions.any(|(role, e)| match role {
+        ExpressionRole::Noise(k) if !is_taken(k) => false,
+        _ => model.graph.depends_on(e, &named),
+    })
 }
 
 /// Velocities, advected parameters and states of first order, on which no connection may depend.

@@ -144,7 +144,8 @@ fn connections(model: &Model, own: &Formulation) -> Vec<Choice> {
 fn independent(system: &ReducedSystem) -> Vec<Choice> {
     // Of a state with velocities along levels the independent ones are others.
     let solved = match &system.constraint {
-        KinematicConstraint::Solved(solved) if system.changes.is_empty() => solved,
+        // Velocities beside a connection that is solved for are none that a constraint determines.
+        KinematicConstraint::Solved(solved) if system.changes.is_empty() && system.lift.is_none() => solved,
         _ => return Vec::new(),
     };
     let kept = solved.independent();

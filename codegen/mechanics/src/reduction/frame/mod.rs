@@ -185,8 +185,11 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
     let lagrangian = g.subs(lagrangian, &all).map_err(divided)?;
     let along: Vec<SymbolId> = eta.iter().map(|u| u.symbol).collect();
     let lagrangian = gathered(g, lagrangian, &along, (&algebroid, &frame, old));
+    let turned = turned_by_noise(g, &frame, old, &noise_rates);
     let forces = g.subs_all(&forces, &all).map_err(divided)?;
     let forces = frame.one_form(g, &forces);
+    let turned = g.subs_all(&turned, &all).map_err(divided)?;
+    let forces: Vec<ExprId> = forces.into_iter().zip(turned).map(|(f, e)| g.add(f, e)).collect();
     let beside = constraint::Setting { time, params: &params, signs: &signs, algebroid: &algebroid };
     let before = constraint.clone();
     let higher = match is_carried {
@@ -285,6 +288,29 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
     system.graph = graph;
     system.frame = Some(frame);
     Ok(system)
+}
+
+/// The rates `p_alpha dT^alpha_a/dx xi` of the momenta in a frame that are left where noise moves base coordinates by
+/// `xi`, and with them the frame: the bracket in the frame has the rates along velocities alone.
+///
+/// `old`: the Lagrangian, a function of the velocities of the model.
+fn turned_by_noise(
+    g: &mut Graph,
+    frame: &Frame,
+    (lagrangian, velocities): (ExprId, &[SymbolId]),
+    noise_rates: &[(SymbolId, ExprId)],
+) -> Vec<ExprId> {
+    let p: Vec<ExprId> = velocities.iter().map(|y| g.diff(lagrangian, *y)).collect();
+    let mut forces = vec![g.zero(); p.len()];
+    for (x, rate) in noise_rates {
+        for (a, force) in forces.iter_mut().enumerate() {
+            let column: Vec<ExprId> = frame.matrix.iter().map(|row| g.diff(row[a], *x)).collect();
+            let along = contract(g, &p, &column);
+            let along = g.mul(along, *rate);
+            *force = g.add(*force, along);
+        }
+    }
+    forces
 }
 
 /// The same function of the velocities, a sum over their products where the metric depends on parameters alone: the
