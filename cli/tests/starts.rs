@@ -332,3 +332,31 @@ fn requests_leave_out_what_the_model_gives_and_modes() {
     let (is_fine, message) = ask("{}");
     assert!(!is_fine && message.contains("initial lacks y_dot\n"), "{message}");
 }
+
+/// Levels of stages have one velocity more than the constraint leaves: a value for it beside velocities of the model is
+/// another state, and no value of the user's is changed without a word.
+#[test]
+fn a_component_that_others_determine_is_held_to_its_value() {
+    let path = file(
+        "levels.hamel",
+        "model levels { coordinate x in real; velocity u, v, w in product(R, R, R); \
+         lagrangian = (x_dot^2 + u^2 + v^2 + w^2)/2 + u*v/3; \
+         constraint cos(x)*u + sin(x)*v = w*(1 + x^2)/3; independent x_dot, u, v; \
+         stage s0; stage s1 = ideal(v + u, w + 2*v); inner_product = lagrangian; \
+         initial x = 0.3; initial u = 0.4; initial v = 0.2; scene st { carry stages; want rhs, energy; } }",
+    );
+    let options = [path.as_str(), "--scene", "st", "--t-final", "0.1"];
+    let out = simulated(&options);
+    let own = numbers(&out, "s1_2")[0];
+    for (value, is_kept) in [(own, true), (3.0, false)] {
+        let given = format!("s1_2={value:?}");
+        let (status, _, told) = hamel(&[&["simulate"], &options[..], &["--initial", &given]].concat(), "");
+        assert_eq!(status == Some(0), is_kept, "{told}");
+        assert!(is_kept || told.contains("the other components make it"), "{told}");
+        let initial = json!({"x": 0.3, "x_dot": 0.0, "u": 0.4, "v": 0.2, "s1_2": value});
+        let request = json!({"initial": initial, "t_final": 0.1}).to_string();
+        let (status, _, told) = hamel(&["simulate", &path, "--scene", "st", "--json"], &request);
+        assert_eq!(status == Some(0), is_kept, "{told}");
+        assert!(is_kept || told.contains("the other components make it"), "{told}");
+    }
+}

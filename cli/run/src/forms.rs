@@ -56,6 +56,9 @@ impl Slot {
     }
 }
 
+/// Values that differ by more are two, in parts of their size.
+const DIFFERENT: f64 = 1e-9;
+
 /// What each slot holds, in the order of the slots.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Form(Vec<Held>);
@@ -272,6 +275,44 @@ impl Forms {
     /// As `form_among`.
     pub fn form_of<'n>(&self, names: impl IntoIterator<Item = &'n str>) -> Result<Form, String> {
         self.form_among(&[], names)
+    }
+
+    /// The scene's own state of one whose components are all given in a form.
+    ///
+    /// # Errors
+    /// As [`Forms::convert`] and [`Forms::hold`].
+    pub fn own_of(&self, params: &[f64], t: f64, y: &[f64], form: &Form) -> Result<Vec<f64>, Error> {
+        let own = self.convert(params, t, y, [form, &self.own])?;
+        let is_kept = |k: &usize| self.slots.iter().all(|slot| slot.at != *k);
+        let given = (0..own.len()).filter(is_kept).map(|k| (self.info.state[k].as_str(), y[k]));
+        self.hold(given, &own)?;
+        Ok(own)
+    }
+
+    /// Holds a state of the scene's own to components that were given by its names: others may determine them, where
+    /// levels of stages have more velocities than the constraints leave.
+    ///
+    /// # Errors
+    /// [`Error::State`] with a component that others give another value.
+    pub fn hold<'n>(
+        &self,
+        given: impl IntoIterator<Item = (&'n str, f64)>,
+        own: &[f64],
+    ) -> Result<(), Error> {
+        for (name, value) in given {
+            let Some(found) = self.info.state.iter().position(|n| n == name).map(|k| own[k]) else {
+                continue;
+            };
+            if (found - value).abs() > DIFFERENT * value.abs().max(1.0) {
+                let reason = format!(
+                    "{name} is {value:?}, and the other components make it {found:?}: leave it out, or give the state by \
+                     all of {}",
+                    self.info.state.join(", ")
+                );
+                return Err(Error::State { path: "initial".into(), reason });
+            }
+        }
+        Ok(())
     }
 
     /// A state in another form.

@@ -95,6 +95,7 @@ pub fn state(
         };
         settle(&mut conditions, &mut y, &origins, &velocities)?;
         let y = own_state(&y)?;
+        forms.hold(given.iter().map(|(name, value)| (name.as_str(), *value)), &y)?;
         eval(
             scene,
             &EvalRequest {

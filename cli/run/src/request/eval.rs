@@ -65,9 +65,8 @@ impl EvalRequest {
         }
         let accelerations = fields.accelerations(info, states.len());
         fields.finish()?;
-        let own = forms.own_form();
         let convert = |(k, (y, form)): (usize, (Vec<f64>, Form))| {
-            forms.convert(&params, t, &y, [&form, &own]).map_err(|e| e.at(&format!("states[{k}]")))
+            forms.own_of(&params, t, &y, &form).map_err(|e| e.at(&format!("states[{k}]")))
         };
         let states = states.into_iter().enumerate().map(convert).collect::<Result<_, Error>>()?;
         Ok(EvalRequest { params, t, states, accelerations })

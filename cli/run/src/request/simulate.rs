@@ -288,8 +288,7 @@ impl SimulateRequest {
             let found = (model.choose)(&set, &given)?;
             initial.iter_mut().zip(found).take(names.len() - n_group).for_each(|(own, found)| *own = found);
         }
-        let own = forms.own_form();
-        let initial = forms.convert(&params, 0.0, &initial, [&form, &own]).map_err(|e| e.at("initial"))?;
+        let initial = forms.own_of(&params, 0.0, &initial, &form).map_err(|e| e.at("initial"))?;
         let t_final = t_final.unwrap_or(0.0);
         // They fit into memory.
         let samples = samples as usize;

@@ -36,7 +36,7 @@ impl Lift {
         inertia.iter_mut().chain(coupling).chain(connection).flatten()
     }
 
-    /// The mechanical connection of a model whose state has all of its velocities, where no constraint restricts them
+    /// The mechanical connection of a model whose state has all of its velocities, where no constraint restricts them,
     /// `K` and `L_vx` are functions of shape and time, and nothing mentions momenta, which are those along the frame of
     /// the connection; unless it vanishes.
     pub(super) fn of(model: &mut Model, formulation: &Formulation) -> Option<Lift> {
