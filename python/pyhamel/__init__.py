@@ -14,7 +14,8 @@ in memory, and kept in the user's cache.
 """
 
 from ._equilibria import Change, Equilibrium, Family
-from ._errors import Diagnostic, Error, FileError, InputError, IntegrationError, ModelError, ModelWarning
+from ._errors import Diagnostic, Error, FileError, FitError, InputError, IntegrationError, ModelError, ModelWarning
+from ._fit import ChiSquare, Fit, Start
 from ._fluid import Fluid, FluidMotion
 from ._hamel import __version__
 from ._model import Model, Params, import_robot, load, methods, models
@@ -23,6 +24,7 @@ from ._stepper import Stepper
 
 __all__ = [
     "Change",
+    "ChiSquare",
     "Diagnostic",
     "Ensemble",
     "Equilibrium",
@@ -30,6 +32,8 @@ __all__ = [
     "Event",
     "Family",
     "FileError",
+    "Fit",
+    "FitError",
     "Fluid",
     "FluidMotion",
     "InputError",
@@ -41,6 +45,7 @@ __all__ = [
     "Outputs",
     "Params",
     "Reduced",
+    "Start",
     "Stepper",
     "__version__",
     "import_robot",

@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from typing import Any, TypedDict, final
 
 import numpy as np
@@ -6,6 +7,7 @@ from numpy.typing import NDArray
 _Array = NDArray[np.float64]
 
 __all__ = [
+    "Fit",
     "Fluid",
     "Motion",
     "Scene",
@@ -13,6 +15,7 @@ __all__ = [
     "__version__",
     "default_samples",
     "ensemble",
+    "fit",
     "import_robot",
     "methods",
     "shipped",
@@ -46,6 +49,13 @@ def ensemble(
     lanes: int,
     threads: int | None,
 ) -> dict[str, Any]: ...
+
+def fit(
+    scene: Scene,
+    wanted: dict[str, Any],
+    options: dict[str, Any],
+    progress: Callable[[int, float | None], object] | None,
+) -> Fit: ...
 
 def write_ensemble(
     scene: Scene,
@@ -185,6 +195,26 @@ class Fluid:
         params: dict[str, float],
         with_fields: bool,
     ) -> _FluidMotion: ...
+
+@final
+class Fit:
+    def json(self) -> str: ...
+    @property
+    def verdict(self) -> str: ...
+    @property
+    def converted(self) -> list[str]: ...
+    @property
+    def columns(self) -> list[str]: ...
+    @property
+    def t(self) -> _Array: ...
+    @property
+    def values(self) -> _Array: ...
+    @property
+    def residuals(self) -> _Array: ...
+    def svg(self) -> str: ...
+    def kept(self) -> str: ...
+    @staticmethod
+    def restored(scene: Scene, kept: str) -> Fit: ...
 
 @final
 class Motion:

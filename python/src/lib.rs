@@ -8,6 +8,7 @@
 mod arrays;
 mod ensemble;
 mod errors;
+mod fit;
 mod fluid;
 mod functions;
 mod interrupts;
@@ -26,6 +27,8 @@ use pyo3::prelude::*;
 /// Scenes of models on arrays of numpy.
 #[pymodule]
 mod _hamel {
+    #[pymodule_export]
+    use crate::fit::{Fit, fit};
     #[pymodule_export]
     use crate::fluid::Fluid;
     #[pymodule_export]
