@@ -48,7 +48,7 @@ class Start(NamedTuple):
 
 
 class Fit:
-    """Unknowns with the least squares of residuals, what is known of them, and what is left of the data.
+    """Unknowns with the least squares of residuals, their covariances, and the residuals.
 
     A fit pickles, and shows itself in a notebook.
     """
@@ -72,7 +72,7 @@ class Fit:
         #: Correlations of the unknowns, ``(k, k)``.
         self.correlation: Array = np.array([[correlation[i][j] for j in estimates] for i in estimates])
         deviations = np.array([error or 0.0 for error in self.errors.values()])
-        #: Covariances of the unknowns, ``(J^T J)^-1``, times the mean square of what is left where ``sigma`` was not given,
+        #: Covariances of the unknowns, ``(J^T J)^-1``, times the mean square of residuals where ``sigma`` was not given,
         #: ``(k, k)``; zero for values at an end of their bounds.
         self.covariance: Array = self.correlation * np.outer(deviations, deviations)
         #: The sum of squares of residuals, in units of ``sigma`` where it was given, and of priors.
@@ -88,7 +88,7 @@ class Fit:
         self.fits: bool = found["fits"]
         #: What the residuals say, in words.
         self.verdict: str = native.verdict
-        #: Names of what was compared.
+        #: Names of the compared columns.
         self.columns: tuple[str, ...] = tuple(native.columns)
         #: Root of the mean square of the residuals of each column.
         self.rms: dict[str, float] = {name: one["rms"] for name, one in found["columns"].items()}

@@ -42,7 +42,7 @@ def of_motion(motion: Motion) -> str:
 
 
 def of_fit(fit: Fit) -> str:
-    """Unknowns with standard errors and correlations, what is left of each column, the verdict, and the figure."""
+    """Unknowns with standard errors and correlations, residuals of each column, the verdict, and the figure."""
     from ._fit import told
 
     def row(cells: list[str], kind: str = "td") -> str:

@@ -23,7 +23,7 @@ use crate::interrupts::Interrupts;
 use crate::motion::Options;
 use crate::scene::Scene;
 
-/// A fit: what was asked and what came out.
+/// A question of a fit with its answer.
 #[pyclass(frozen, module = "pyhamel._hamel")]
 pub(crate) struct Fit {
     model: Arc<Checked>,

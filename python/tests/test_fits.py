@@ -82,7 +82,7 @@ def test_values_and_covariances_are_those_of_scipy_along_motions_in_closed_form(
     assert fit.sum_of_squares == pytest.approx(2 * found.cost, rel=1e-8) and fit.degrees_of_freedom == 58
     assert fit.chi_square.per_freedom == pytest.approx(fit.sum_of_squares / 58)
     assert fit.fits and 0.01 < fit.chi_square.probability < 0.99
-    # Without sigma, what is left stands for the errors.
+    # Without sigma, residuals stand for the errors.
     free = oscillator.fit(data, ["k", "x_dot"], y0={"x": 0.3, "x_dot": 0.0})
     np.testing.assert_allclose(free.covariance, fit.covariance * fit.chi_square.per_freedom, rtol=1e-6)
     assert free.chi_square is None

@@ -17,7 +17,7 @@ use crate::signs::{self, Instead};
 /// A fit under a line that tells how far the search is, on a terminal only.
 ///
 /// # Errors
-/// Those of the fit.
+/// As the fit.
 pub fn with_fit_bar<T>(fit: impl FnOnce(&mut Watch<'_>) -> Result<T, Error>) -> Result<T, Error> {
     let _instead = Instead::of_line();
     if !signs::are_shown() {

@@ -160,9 +160,9 @@ impl Asked {
 }
 
 impl Found {
-    /// `{"params", "initial", "estimates", "correlation", "columns", "sum_of_squares", "degrees_of_freedom", "evaluations",
-    /// "explained", "fits", "starts"}`; the first two are those of a request to simulate. With the standard deviations of
-    /// all columns also `"chi_square": {"per_freedom", "probability"}`.
+    /// `{"params", "initial", "estimates", "correlation", "columns", "sum_of_squares", "degrees_of_freedom",
+    /// "evaluations", "explained", "fits", "starts"}`; the first two are those of a request to simulate. With the
+    /// standard deviations of all columns also `"chi_square": {"per_freedom", "probability"}`.
     pub fn to_json(&self, info: &Info) -> Value {
         let Found { request, response, .. } = self;
         let names = || response.estimates.iter().map(|estimate| estimate.name.as_str());
