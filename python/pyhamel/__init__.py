@@ -19,7 +19,7 @@ from ._fit import ChiSquare, Fit, Start
 from ._fluid import Fluid, FluidMotion
 from ._hamel import __version__
 from ._model import Model, Params, import_robot, load, methods, models
-from ._results import Ensemble, Event, Motion, Outputs, Reduced
+from ._results import Ensemble, Event, Formulation, Formulations, Motion, Outputs, Reduced
 from ._stepper import Stepper
 
 __all__ = [
@@ -36,6 +36,8 @@ __all__ = [
     "FitError",
     "Fluid",
     "FluidMotion",
+    "Formulation",
+    "Formulations",
     "InputError",
     "IntegrationError",
     "Model",

@@ -16,6 +16,8 @@ __all__ = [
     "default_samples",
     "ensemble",
     "fit",
+    "formulations",
+    "generate",
     "import_robot",
     "methods",
     "shipped",
@@ -26,6 +28,10 @@ __version__: str
 
 def shipped() -> list[str]: ...
 def methods() -> list[str]: ...
+def generate(scene: Scene, language: str) -> dict[str, str]: ...
+def formulations(
+    scene: Scene,
+) -> tuple[list[tuple[str, bool, int, int, int, float]], list[tuple[str, str]], str]: ...
 def import_robot(path: str, floating: bool, limits: str, lock: list[str], frames: list[str], bodies: bool) -> tuple[str, str]: ...
 def default_samples(scene: Scene, t_final: float, step: float) -> int: ...
 def simulate(

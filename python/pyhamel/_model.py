@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _equilibria, _hamel
 from ._equilibria import Equilibrium, Family
-from ._errors import InputError, ModelWarning
+from ._errors import FileError, InputError, ModelWarning
 from ._fit import Fit, Interval, fitted
 from ._inputs import by_component
-from ._results import Ensemble, Motion, Outputs, Reduced
+from ._results import Ensemble, Formulation, Formulations, Motion, Outputs, Reduced
 from ._stepper import Inputs, Stepper
 
 __all__ = ["Model", "Params", "import_robot", "load", "methods", "models"]
@@ -1005,6 +1005,33 @@ class Model:
     def explain(self) -> str:
         """Everything about the scene, as ``hamel explain`` prints it: algebra, equations, what was found, operations."""
         return self._native.explain()
+
+    def formulations(self) -> Formulations:
+        """Ways of writing the scene's equations, each proved to be the same motion, with what they cost.
+
+        As ``hamel explain --formulations``; a scene takes one by ``formulation`` in its text.
+        """
+        rows, left_out, text = _hamel.formulations(self._native)
+        return Formulations(tuple(Formulation(*row) for row in rows), dict(left_out), text)
+
+    def generate(self, language: str = "rust", folder: str | os.PathLike[str] | None = None) -> dict[str, str]:
+        """The files of the scene in a language by name, as ``hamel generate --language`` writes them.
+
+        Languages are ``rust``, ``c``, ``cpp``, ``casadi``, ``casadi-expr``, ``jax``, ``sympy``, ``julia``, ``matlab`` and
+        ``wasm``. With ``folder`` the files are written there, in the place of files of the same names. Parameters and
+        inputs have the values of the text.
+
+        Raises :class:`InputError` for other languages and for scenes that a language does not take; :class:`FileError`.
+        """
+        files = _hamel.generate(self._native, language)
+        if folder is not None:
+            try:
+                for name, text in files.items():
+                    with open(os.path.join(os.fspath(folder), name), "w", encoding="utf-8", newline="\n") as file:
+                        file.write(text)
+            except OSError as error:
+                raise FileError(f"{error.filename}: {error.strerror}") from error
+        return files
 
     def reduce(self) -> Reduced:
         """The model reduced by the symmetries that are found, as ``hamel reduce`` writes it.

@@ -21,6 +21,7 @@ mod scene;
 #[path = "../../cli/src/shipped.rs"]
 mod shipped;
 mod stepper;
+mod written;
 
 use pyo3::prelude::*;
 
@@ -39,6 +40,8 @@ mod _hamel {
     use crate::scene::Scene;
     #[pymodule_export]
     use crate::stepper::Stepper;
+    #[pymodule_export]
+    use crate::written::{formulations, generate};
 
     use pyo3::prelude::*;
 

@@ -33,7 +33,7 @@ pub(super) const CIRCLES: &[(&str, &[&str], &str)] = &[
     ),
     (
         "python/src",
-        &["ensemble", "fit", "fluid", "mod", "motion", "scene", "stepper"],
+        &["ensemble", "fit", "fluid", "mod", "motion", "scene", "stepper", "written"],
         "the class `Scene` has its methods in one file, and motions, fits and ensembles take a `Scene`",
     ),
     (
