@@ -49,18 +49,18 @@ pub(crate) fn generate(py: Python<'_>, scene: &Scene, language: &str) -> PyResul
 /// A formulation: title, whether it is the scene's own, cost, chain, prepared numbers, bound of the rounding error.
 type Row = (String, bool, u64, u64, usize, f64);
 
+/// Formulations that were found, others with reasons, and the table.
+type Listed = (Vec<Row>, Vec<(String, String)>, String);
+
 /// Formulations of a scene, the cheapest first, those that were left out with reasons, and the table for people.
 #[pyfunction]
-pub(crate) fn formulations(
-    py: Python<'_>,
-    scene: &Scene,
-) -> PyResult<(Vec<Row>, Vec<(String, String)>, String)> {
+pub(crate) fn formulations(py: Python<'_>, scene: &Scene) -> PyResult<Listed> {
     let made = || -> Result<_, Error> {
         let name = &scene.info().scene;
         let found = scene::formulations(&scene.model, name, &|_, _| {})?;
         let row = |one: &scene::Candidate| {
             let (cost, chain) = (one.counts.cost(), one.latency as u64);
-            (one.title(), one.is_own(), cost as u64, chain, one.n_prepared, one.rounding)
+            (one.title(), one.is_own(), cost, chain, one.n_prepared, one.rounding)
         };
         let rows: Vec<Row> = found.candidates.iter().map(row).collect();
         let left_out = found.left_out.iter().map(|one| (one.title.clone(), one.reason.clone())).collect();
