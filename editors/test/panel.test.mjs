@@ -106,7 +106,7 @@ test("a second time the same panel is used", async () => {
   assert.equal(panels.length, n);
 });
 
-test("what is wrong with a model is shown as the program tells it", async () => {
+test("errors of a model are shown as the program tells them", async () => {
   await writeFile(file, MODEL.replace("cos(theta)", "cos(thta)"));
   const panel = await show("explain");
   assert.match(panel.webview.html, /did you mean `theta`/);

@@ -98,7 +98,7 @@ pub fn call_at(text: &str, offset: usize) -> Option<Call> {
                     *argument += 1;
                 }
             }
-            // An item ends, and with it what is not closed.
+            // An item ends, and with it every open call.
             ";" => open.retain(|(name, _)| name.is_none()),
             _ => {}
         }
