@@ -6,7 +6,7 @@ const FORMS = {
   report: { ending: "html", title: "report" },
 };
 
-/** What is asked of the program: `hamel simulate FILE --scene S -o OUT` and the like; `explain` answers by itself. */
+/** The call of the program: `hamel simulate FILE --scene S -o OUT` and the like; `explain` answers by itself. */
 function words(command, file, scene, out) {
   if (!FORMS[command]) throw new Error(`${command} is none of ${Object.keys(FORMS).join(", ")}`);
   const asked = [command, file, "--scene", scene];

@@ -77,7 +77,7 @@ class Fit:
         self.covariance: Array = self.correlation * np.outer(deviations, deviations)
         #: The sum of squares of residuals, in units of ``sigma`` where it was given, and of priors.
         self.sum_of_squares: float = found["sum_of_squares"]
-        #: Values and priors beyond those that determine the unknowns.
+        #: Values and priors beyond as many as determine the unknowns.
         self.degrees_of_freedom: int = found["degrees_of_freedom"]
         chi_square = found["chi_square"]
         #: The sum of squares against ``sigma``; none where it was not given.

@@ -31,7 +31,7 @@ pub(crate) struct Fit {
     found: Found,
 }
 
-/// What is fitted to what.
+/// A fit as Python asks for it.
 #[derive(FromPyObject)]
 pub(crate) struct Wanted {
     /// The file of the table.

@@ -1,4 +1,4 @@
-//! What is written of a scene: its files in some language, and the formulations that are the same motion.
+//! Texts of a scene: its files in some language, and the formulations that are the same motion.
 //!
 //! Deliberately does not know: how anything is derived or emitted, how results look in Python.
 
@@ -52,7 +52,7 @@ type Row = (String, bool, u64, u64, usize, f64);
 /// Formulations that were found, others with reasons, and the table.
 type Listed = (Vec<Row>, Vec<(String, String)>, String);
 
-/// Formulations of a scene, the cheapest first, those that were left out with reasons, and the table for people.
+/// Formulations of a scene, the cheapest first, others that were left out with reasons, and the table for people.
 #[pyfunction]
 pub(crate) fn formulations(py: Python<'_>, scene: &Scene) -> PyResult<Listed> {
     let made = || -> Result<_, Error> {

@@ -36,7 +36,7 @@ use hamel_run::error::Error;
 const PATIENCE: Duration = Duration::from_millis(150);
 /// How often it is looked whether somebody waits for too long.
 const TICK: Duration = Duration::from_millis(50);
-/// What is said in the place of equations.
+/// Said in the place of equations.
 const DERIVING: &str = "\n\n*The equations are being derived.*";
 
 /// An answer that waits for equations.

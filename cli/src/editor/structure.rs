@@ -1,4 +1,5 @@
-//! What is folded, the form of the function that a place is a call of, and what can be done with a model and its scenes.
+//! Folded parts, the form of the function that a place is a call of, and what can be done with a model and its
+//! scenes.
 //!
 //! Does not know: messages of the protocol but the form of an answer, how anything is done.
 
@@ -75,8 +76,8 @@ fn arguments(form: &str) -> Vec<&str> {
     found
 }
 
-/// The command of the extension that shows what a command of `hamel` makes of a file: its arguments are the command, the
-/// address of the file and a scene.
+/// The command of the extension that shows what a command of `hamel` makes of a file: its arguments are the command,
+/// the address of the file and a scene.
 const SHOW: &str = "hamel.show";
 
 /// What can be shown of a model, and of each of its scenes.

@@ -139,7 +139,7 @@ model suslov_gyrostat {
 }
 ";
 
-/// What is changed, and what cargo shows of it: the place, the text with a mark under it, what to change.
+/// A change, and what cargo shows of it: the place, the text with a mark under it, what to change.
 const MISTAKES: [(&str, &str, [&str; 4]); 9] = [
     (
         "param g = 9.81;",

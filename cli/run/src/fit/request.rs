@@ -170,7 +170,7 @@ pub struct FitResponse {
     pub n_evaluations: usize,
     /// What the residuals say about the fit.
     pub verdict: Verdict,
-    /// What is left of each value: the motion less the value, in the unit of the column; for each time one of each
+    /// The residual of each value: the motion less the value, in the unit of the column; for each time one of each
     /// column, where there is a value.
     pub residuals: Vec<Vec<Option<f64>>>,
     /// Times of the curves.

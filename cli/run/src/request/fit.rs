@@ -46,7 +46,7 @@ pub struct Asked {
     pub data: Source,
     /// Parameters and components of the initial state to be found.
     pub free: Vec<String>,
-    /// What is compared, each with the header of its column; all columns but the time where there is none.
+    /// Compared quantities, each with the header of its column; all columns but the time where there is none.
     pub columns: Vec<(String, String)>,
     /// Header of the column with the times.
     pub time: String,
@@ -90,7 +90,7 @@ pub struct Found {
 /// The ends of an interval.
 ///
 /// # Errors
-/// What is wrong with it, behind what it is called.
+/// Its mistake, behind the name that it is called by.
 pub fn ends(given: [f64; 2]) -> Result<[f64; 2], String> {
     let is_interval = given[0] < given[1];
     if is_interval { Ok(given) } else { Err("is empty: give the smaller number first".into()) }
@@ -209,7 +209,7 @@ impl Found {
     }
 }
 
-/// What is to be found, by name.
+/// The unknowns by name.
 fn free(model: &Checked, info: &Info, names: &[String]) -> Result<Vec<Direction>, Vec<Problem>> {
     let scene = model.scenes.iter().find(|own| own.name == info.scene);
     let fixed: BTreeSet<&str> =
