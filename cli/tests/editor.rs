@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use std::io::{BufReader, Write as _};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Stdio};
+use std::time::{Duration, Instant};
 
 use hamel_codegen::spec::{WordKind, vocabulary};
 use lsp_server::{Message, Notification, Request, Response};
@@ -25,13 +26,20 @@ const URI: &str = "file:///models/rod.hamel";
 
 impl Editor {
     fn start() -> Editor {
+        Editor::start_with(json!({ "capabilities": {} }))
+    }
+
+    fn start_with(options: Value) -> Editor {
         let mut command = program::command(&["lsp"]);
         let mut program = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         let input = program.stdin.take();
         let output = BufReader::new(program.stdout.take().unwrap());
         let mut editor = Editor { program, input, output, n_requests: 0, said: Vec::new() };
-        let answer = editor.ask("initialize", json!({ "capabilities": {} }));
+        let has_panel = options["initializationOptions"]["panel"] == true;
+        let answer = editor.ask("initialize", options);
         assert_eq!(answer["serverInfo"]["name"], "hamel");
+        // Whose editor shows nothing for a command is offered none.
+        assert_eq!(answer["capabilities"].get("codeLensProvider").is_some(), has_panel, "{answer}");
         assert_eq!(answer["capabilities"]["hoverProvider"], true);
         editor.tell("initialized", json!({}));
         editor
@@ -236,6 +244,94 @@ fn a_velocity_is_shown_with_its_equation() {
         }
     }
     panic!("the equation never came");
+}
+
+/// The text answers at once, also the second time, and the equation comes once it is there.
+#[test]
+fn a_place_answers_from_its_text_while_equations_are_derived() {
+    let mut editor = Editor::start();
+    let text = repository("models/shelf/rattleback.hamel");
+    editor.open(&text);
+    let mut shown = Vec::new();
+    let clock = Instant::now();
+    while clock.elapsed() < Duration::from_secs(120) {
+        let asked = Instant::now();
+        let hover = editor.ask("textDocument/hover", Editor::at(&text, "Omega, X in se(3)"));
+        let told = hover["contents"]["value"].as_str().unwrap().to_owned();
+        assert!(told.contains("Angular velocity") && told.contains("se(3), dimension 6"), "{told}");
+        shown.push((asked.elapsed(), told.contains("being derived"), told.contains("d/dt")));
+        if shown.last().is_some_and(|(_, _, has_equation)| *has_equation) {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let (_, is_deriving, has_equation) = *shown.last().unwrap();
+    assert!(has_equation && !is_deriving, "{shown:?}");
+    for (k, (took, is_deriving, has_equation)) in shown.iter().enumerate() {
+        assert!(*is_deriving != *has_equation, "{shown:?}");
+        // One answer waits a little; the others do not. A loaded machine is slow.
+        assert!(*took < Duration::from_millis(1200), "{k}: {shown:?}");
+    }
+}
+
+#[test]
+fn functions_are_shown_while_their_arguments_are_written() {
+    let mut editor = Editor::start();
+    let text = "model m {\n    velocity Omega in so(3);\n    lagrangian = dot(Omega, cross([1, 2, 3], ";
+    editor.open(text);
+    let mut ask = |line: u32, character: u32| {
+        editor.ask(
+            "textDocument/signatureHelp",
+            json!({ "textDocument": { "uri": URI }, "position": { "line": line, "character": character } }),
+        )
+    };
+    let help = ask(2, 45);
+    assert_eq!(help["signatures"][0]["label"], "cross(a, b)", "{help}");
+    assert_eq!(help["signatures"][0]["documentation"]["value"], "product in R^3");
+    assert_eq!(help["activeParameter"], 1);
+    assert_eq!(ask(2, 38)["activeParameter"], 0, "within a vector");
+    assert_eq!(ask(2, 22)["signatures"][0]["parameters"][0]["label"], "a");
+    // An item is no call, nor is a name that is no function.
+    assert_eq!(ask(1, 20), Value::Null);
+    assert_eq!(ask(1, 26), Value::Null);
+}
+
+#[test]
+fn bodies_and_comments_are_folded() {
+    let mut editor = Editor::start();
+    let text = "/// A rod\n/// of two lines\nmodel rod {\n    scene s {\n        want rhs;\n    }\n}\n";
+    editor.open(text);
+    let folds = editor.ask("textDocument/foldingRange", json!({ "textDocument": { "uri": URI } }));
+    let of: Vec<(&Value, &Value, &Value)> = folds
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|fold| (&fold["startLine"], &fold["endLine"], &fold["kind"]))
+        .collect();
+    let expected = [(0, 1, json!("comment")), (2, 5, Value::Null), (3, 4, Value::Null)];
+    let expected: Vec<(Value, Value, Value)> =
+        expected.into_iter().map(|(from, to, kind)| (json!(from), json!(to), kind)).collect();
+    assert_eq!(of, expected.iter().map(|(a, b, c)| (a, b, c)).collect::<Vec<_>>(), "{folds}");
+}
+
+/// The commands of an editor with a panel: three at the model, and at each scene.
+#[test]
+fn models_and_scenes_have_commands_for_a_panel() {
+    let mut editor =
+        Editor::start_with(json!({ "capabilities": {}, "initializationOptions": { "panel": true } }));
+    let text = ROD.replace("lagrangian", "scene stiff { fix stiffness = 9; }\n    lagrangian");
+    editor.open(&text);
+    let lenses = editor.ask("textDocument/codeLens", json!({ "textDocument": { "uri": URI } }));
+    let lenses = lenses.as_array().unwrap();
+    let titles: Vec<&str> = lenses.iter().map(|l| l["command"]["title"].as_str().unwrap()).collect();
+    assert_eq!(titles, ["simulate", "explain", "report", "simulate", "explain", "report"]);
+    let last = lenses.iter().find(|lens| lens["command"]["arguments"][2] == "stiff").unwrap();
+    assert_eq!(last["command"]["command"], "hamel.show");
+    assert_eq!(last["command"]["arguments"], json!(["simulate", URI, "stiff"]));
+    assert_eq!(last["range"]["start"], Editor::at(&text, "stiff {")["position"]);
+    assert_eq!(lenses[0]["range"]["start"], Editor::at(&text, "rod {")["position"]);
+    // The extension has the command.
+    assert!(repository("editors/vscode/extension.js").contains("registerCommand(\"hamel.show\", show)"));
 }
 
 #[test]

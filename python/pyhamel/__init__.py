@@ -14,15 +14,17 @@ in memory, and kept in the user's cache.
 """
 
 from ._equilibria import Change, Equilibrium, Family
-from ._errors import Diagnostic, Error, FileError, InputError, IntegrationError, ModelError, ModelWarning
+from ._errors import Diagnostic, Error, FileError, FitError, InputError, IntegrationError, ModelError, ModelWarning
+from ._fit import ChiSquare, Fit, Start
 from ._fluid import Fluid, FluidMotion
 from ._hamel import __version__
 from ._model import Model, Params, import_robot, load, methods, models
-from ._results import Ensemble, Event, Motion, Outputs, Reduced
+from ._results import Ensemble, Event, Formulation, Formulations, Motion, Outputs, Reduced
 from ._stepper import Stepper
 
 __all__ = [
     "Change",
+    "ChiSquare",
     "Diagnostic",
     "Ensemble",
     "Equilibrium",
@@ -30,8 +32,12 @@ __all__ = [
     "Event",
     "Family",
     "FileError",
+    "Fit",
+    "FitError",
     "Fluid",
     "FluidMotion",
+    "Formulation",
+    "Formulations",
     "InputError",
     "IntegrationError",
     "Model",
@@ -41,6 +47,7 @@ __all__ = [
     "Outputs",
     "Params",
     "Reduced",
+    "Start",
     "Stepper",
     "__version__",
     "import_robot",

@@ -7,7 +7,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["Diagnostic", "Error", "FileError", "InputError", "IntegrationError", "ModelError", "ModelWarning"]
+__all__ = [
+    "Diagnostic",
+    "Error",
+    "FileError",
+    "FitError",
+    "InputError",
+    "IntegrationError",
+    "ModelError",
+    "ModelWarning",
+]
 
 
 class Diagnostic(NamedTuple):
@@ -63,6 +72,18 @@ class IntegrationError(Error, RuntimeError):
         self.t = t
         #: The state there, by name.
         self.state = state
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class FitError(Error, RuntimeError):
+    """A fit without an answer: no minimum, one that explains the data badly, or unknowns that the data do not determine."""
+
+    def __init__(self, text: str, reached: dict[str, float]):
+        super().__init__(text, reached)
+        #: The best values of the unknowns, by name.
+        self.reached = reached
 
     def __str__(self) -> str:
         return str(self.args[0])

@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from typing import Any, TypedDict, final
 
 import numpy as np
@@ -6,6 +7,7 @@ from numpy.typing import NDArray
 _Array = NDArray[np.float64]
 
 __all__ = [
+    "Fit",
     "Fluid",
     "Motion",
     "Scene",
@@ -13,6 +15,9 @@ __all__ = [
     "__version__",
     "default_samples",
     "ensemble",
+    "fit",
+    "formulations",
+    "generate",
     "import_robot",
     "methods",
     "shipped",
@@ -23,6 +28,10 @@ __version__: str
 
 def shipped() -> list[str]: ...
 def methods() -> list[str]: ...
+def generate(scene: Scene, language: str) -> dict[str, str]: ...
+def formulations(
+    scene: Scene,
+) -> tuple[list[tuple[str, bool, int, int, int, float]], list[tuple[str, str]], str]: ...
 def import_robot(path: str, floating: bool, limits: str, lock: list[str], frames: list[str], bodies: bool) -> tuple[str, str]: ...
 def default_samples(scene: Scene, t_final: float, step: float) -> int: ...
 def simulate(
@@ -46,6 +55,13 @@ def ensemble(
     lanes: int,
     threads: int | None,
 ) -> dict[str, Any]: ...
+
+def fit(
+    scene: Scene,
+    wanted: dict[str, Any],
+    options: dict[str, Any],
+    progress: Callable[[int, float | None], object] | None,
+) -> Fit: ...
 
 def write_ensemble(
     scene: Scene,
@@ -185,6 +201,26 @@ class Fluid:
         params: dict[str, float],
         with_fields: bool,
     ) -> _FluidMotion: ...
+
+@final
+class Fit:
+    def json(self) -> str: ...
+    @property
+    def verdict(self) -> str: ...
+    @property
+    def converted(self) -> list[str]: ...
+    @property
+    def columns(self) -> list[str]: ...
+    @property
+    def t(self) -> _Array: ...
+    @property
+    def values(self) -> _Array: ...
+    @property
+    def residuals(self) -> _Array: ...
+    def svg(self) -> str: ...
+    def kept(self) -> str: ...
+    @staticmethod
+    def restored(scene: Scene, kept: str) -> Fit: ...
 
 @final
 class Motion:

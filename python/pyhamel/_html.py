@@ -10,6 +10,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from ._fit import Fit
     from ._model import Model
     from ._results import Motion
 
@@ -37,6 +38,36 @@ def of_motion(motion: Motion) -> str:
             f'<iframe title="{escape(motion.model.title, quote=True)}" srcdoc="{escape(page, quote=True)}" '
             'style="width: 100%; height: 720px; border: 0" sandbox="allow-scripts"></iframe>'
         )
+    return moving + _picture(motion.svg(), repr(motion))
+
+
+def of_fit(fit: Fit) -> str:
+    """Unknowns with standard errors and correlations, residuals of each column, the verdict, and the figure."""
+    from ._fit import told
+
+    def row(cells: list[str], kind: str = "td") -> str:
+        return "<tr>" + "".join(f"<{kind}>{cell}</{kind}>" for cell in cells) + "</tr>"
+
+    names = [f"<code>{escape(name)}</code>" for name in fit.values]
+    unknowns = [
+        row([name, escape(told(fit.values[own], fit.errors[own])), *(f"{x:.3f}" for x in correlations)])
+        for name, own, correlations in zip(names, fit.values, fit.correlation)
+    ]
+    columns = [
+        row([f"<code>{escape(name)}</code>", str(fit.json["columns"][name]["values"]), f"{rms:.3e}"])
+        for name, rms in fit.rms.items()
+    ]
+    converted = "".join(f"<br/>{escape(line)}" for line in fit.converted)
+    return (
+        f"<p><b>Fit of {escape(fit.model.title or fit.model.name)}</b> (<code>{escape(fit.model.name)}</code>, scene "
+        f"<code>{escape(fit.model.scene)}</code>): {escape(fit.verdict)}{converted}</p>"
+        f"<table><tbody>{row(['', 'value', *names], 'th')}{''.join(unknowns)}</tbody></table>"
+        f"<table><tbody>{row(['', 'values', 'rms left'], 'th')}{''.join(columns)}</tbody></table>"
+        + _picture(fit.svg(), repr(fit))
+    )
+
+
+def _picture(svg: str, meaning: str) -> str:
     # A picture, because identifiers within one page would meet those of another figure.
-    picture = base64.b64encode(motion.svg().encode()).decode()
-    return f'{moving}<img alt="{escape(repr(motion), quote=True)}" src="data:image/svg+xml;base64,{picture}"/>'
+    picture = base64.b64encode(svg.encode()).decode()
+    return f'<img alt="{escape(meaning, quote=True)}" src="data:image/svg+xml;base64,{picture}"/>'

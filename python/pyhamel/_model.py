@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import os
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, Union, overload
 
@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _equilibria, _hamel
 from ._equilibria import Equilibrium, Family
-from ._errors import InputError, ModelWarning
+from ._errors import FileError, InputError, ModelWarning
+from ._fit import Fit, Interval, fitted
 from ._inputs import by_component
-from ._results import Ensemble, Motion, Outputs, Reduced
+from ._results import Ensemble, Formulation, Formulations, Motion, Outputs, Reduced
 from ._stepper import Inputs, Stepper
 
 __all__ = ["Model", "Params", "import_robot", "load", "methods", "models"]
@@ -858,6 +859,79 @@ class Model:
         )
         return Ensemble(self, found)
 
+    def fit(
+        self,
+        data: Any,
+        unknowns: str | Sequence[str] | Mapping[str, float],
+        *,
+        params: Mapping[str, float] | None = None,
+        y0: State = None,
+        columns: str | Sequence[str] | Mapping[str, str] | None = None,
+        time: str = "t",
+        t0: float = 0.0,
+        sigma: Mapping[str, float] | None = None,
+        bounds: Mapping[str, Interval] | None = None,
+        prior: Mapping[str, tuple[float, float]] | None = None,
+        restarts: int = 0,
+        segments: int = 1,
+        inputs: Mapping[str, Any] | None = None,
+        interpolation: str | None = None,
+        method: str | None = None,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        max_step: float | None = None,
+        max_steps: int | None = None,
+        progress: Callable[[int, float | None], object] | None = None,
+    ) -> Fit:
+        """Parameters and initial values whose motion is nearest to measured values, as ``hamel fit`` finds them.
+
+        The minimum over the unknowns ``p``, within ``bounds``, of
+
+            sum_c sum_k ((g_c(t_k, y(t_k; p); p) - d_ck) / sigma_c)^2 + sum_j ((p_j - m_j) / s_j)^2
+
+        with the values ``d_ck`` of the columns ``c`` at the times ``t_k``, and with the ``prior`` ``m_j +- s_j``; by the method
+        of Levenberg and Marquardt with derivatives by dual numbers, over a tenth of the time, a third, and all of it.
+
+        ``data`` is the path of a table, a dictionary of arrays ``(N,)`` by name, or a DataFrame, whose index may be the
+        time. Columns are components of :attr:`state`, ``energy`` and outputs (``casimirs.C1``); ``columns`` chooses some,
+        as a dictionary each with the header that it has. An entry that is NaN, or none, is a value that is missing. A
+        unit behind a header, ``x [mm]``, is converted to that of the model. ``time`` is the header of the times, ``t0``
+        the one at which the motion starts, in the unit of the data.
+
+        ``unknowns`` names parameters and components of the initial state, or has the values from which the search starts;
+        the others start at ``params``, ``y0`` and the model's own. ``sigma`` are standard deviations of the errors of all
+        columns, ``bounds`` intervals ``(least, most)``, open where an end is ``None``, and ``prior`` values with standard
+        deviations, all in the units of the model. ``restarts`` is the number of further points to start from, ``segments``
+        the number of pieces that start on their own at first (multiple shooting, Bock 1983). ``inputs`` are as
+        :meth:`with_inputs` takes them; ``method`` and steps as in :meth:`simulate`, ``"dop853"`` unless it is given.
+        ``progress`` is called with the number of motions and the sum of squares of the last, none where it has no end. An
+        interrupt of the keyboard ends the fit.
+
+        Raises :class:`FitError` with the best values where there is no minimum, where it explains the data badly, and where
+        the data do not determine the unknowns; :class:`InputError` with every problem of names and of the table;
+        :class:`FileError`.
+        """
+        model = self.with_inputs(inputs, interpolation=interpolation) if inputs else self
+        if isinstance(unknowns, str):
+            unknowns = [unknowns]
+        starting = dict(unknowns) if isinstance(unknowns, Mapping) else {}
+        given = dict(model._by_name(y0))
+        set_at = dict(params or {})
+        for name, value in starting.items():
+            into = set_at if name in model._params else given
+            # A whole state has a place for each component.
+            if name in into and (into is set_at or y0 is None or isinstance(y0, Mapping)):
+                raise InputError(f"unknowns start {name}, which {'params' if into is set_at else 'y0'} gives as well: leave one of them out")
+            into[name] = float(value)
+        wanted = {
+            "unknowns": unknowns, "columns": columns, "time": time, "t0": t0, "sigma": sigma, "bounds": bounds,
+            "prior": prior, "restarts": restarts, "segments": segments,
+        }  # fmt: skip
+        options = _options(method, rtol, atol, step, max_step, max_steps)
+        model = model.with_params(**set_at) if set_at else model
+        return fitted(model, data, list(given.items()), wanted, options, progress)
+
     # For people.
 
     def trim(
@@ -931,6 +1005,33 @@ class Model:
     def explain(self) -> str:
         """Everything about the scene, as ``hamel explain`` prints it: algebra, equations, what was found, operations."""
         return self._native.explain()
+
+    def formulations(self) -> Formulations:
+        """Ways of writing the scene's equations, each proved to be the same motion, with what they cost.
+
+        As ``hamel explain --formulations``; a scene takes one by ``formulation`` in its text.
+        """
+        rows, left_out, text = _hamel.formulations(self._native)
+        return Formulations(tuple(Formulation(*row) for row in rows), dict(left_out), text)
+
+    def generate(self, language: str = "rust", folder: str | os.PathLike[str] | None = None) -> dict[str, str]:
+        """The files of the scene in a language by name, as ``hamel generate --language`` writes them.
+
+        Languages are ``rust``, ``c``, ``cpp``, ``casadi``, ``casadi-expr``, ``jax``, ``sympy``, ``julia``, ``matlab`` and
+        ``wasm``. With ``folder`` the files are written there, in the place of files of the same names. Parameters and
+        inputs have the values of the text.
+
+        Raises :class:`InputError` for other languages and for scenes that a language does not take; :class:`FileError`.
+        """
+        files = _hamel.generate(self._native, language)
+        if folder is not None:
+            try:
+                for name, text in files.items():
+                    with open(os.path.join(os.fspath(folder), name), "w", encoding="utf-8", newline="\n") as file:
+                        file.write(text)
+            except OSError as error:
+                raise FileError(f"{error.filename}: {error.strerror}") from error
+        return files
 
     def reduce(self) -> Reduced:
         """The model reduced by the symmetries that are found, as ``hamel reduce`` writes it.

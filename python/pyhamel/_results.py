@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from ._model import Model
 
-__all__ = ["Ensemble", "Event", "Motion", "Outputs", "Reduced"]
+__all__ = ["Ensemble", "Event", "Formulation", "Formulations", "Motion", "Outputs", "Reduced"]
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,37 @@ class Reduced(NamedTuple):
     #: Variables of the reduced model as functions of the model, by which it is proved to be the quotient; a variable that is
     #: not listed is the one of the same name. None where the map was not found, or where Lagrangians differ by a rate.
     map: dict[str, str] | None
+
+
+class Formulation(NamedTuple):
+    """A way of writing a scene's equations that is proved to be the same motion, with what its rates cost."""
+
+    #: What it is.
+    title: str
+    #: Whether it is the one that the scene has.
+    is_own: bool
+    #: Additions, multiplications, fused pairs and signs 1, divisions 5, roots 6, elementary functions 20.
+    cost: int
+    #: Cycles of the longest chain of operations, each on the result of the one before.
+    chain: int
+    #: Numbers that are computed once per set of parameters.
+    prepared: int
+    #: Bound of the rounding error of a rate, in units of what rounding the inputs does to it.
+    error: float
+
+
+class Formulations(NamedTuple):
+    """The formulations of a scene; as text, the table of ``hamel explain --formulations``."""
+
+    #: The cheapest first.
+    found: tuple[Formulation, ...]
+    #: Titles of others, with the reason for which each was left out.
+    left_out: dict[str, str]
+    #: The table.
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
 
 
 class Outputs(Mapping[str, Array]):

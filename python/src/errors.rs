@@ -33,16 +33,27 @@ fn problems(all: &[Diagnostics]) -> Vec<Problem> {
 
 /// The exception of an error.
 pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
+    exception_in_arguments(py, error, &[])
+}
+
+/// The exception of an error, with the arguments of Python in the place of options of the command.
+pub(crate) fn exception_in_arguments(py: Python<'_>, error: &Error, arguments: &[(&str, &str)]) -> PyErr {
+    let by_name = |values: &[(String, f64)]| -> PyResult<Bound<'_, PyDict>> {
+        let found = PyDict::new(py);
+        values.iter().try_for_each(|(name, value)| found.set_item(name, value))?;
+        Ok(found)
+    };
     let raised = || -> PyResult<PyErr> {
         let classes = py.import("pyhamel._errors")?;
-        let text = error.to_string();
+        let text = in_arguments(error.to_string(), arguments);
         let made = match error {
             Error::Models { problems: all } => classes.getattr("ModelError")?.call1((text, problems(all)))?,
             Error::Misnamed { .. } => classes.getattr("ModelError")?.call1((text, Vec::<Problem>::new()))?,
             Error::Stopped { t, state, .. } => {
-                let reached = PyDict::new(py);
-                state.iter().try_for_each(|(name, value)| reached.set_item(name, value))?;
-                classes.getattr("IntegrationError")?.call1((text, *t, reached))?
+                classes.getattr("IntegrationError")?.call1((text, *t, by_name(state)?))?
+            }
+            Error::NotFitted { reached, .. } | Error::Unidentifiable { reached, .. } => {
+                classes.getattr("FitError")?.call1((text, by_name(reached)?))?
             }
             Error::Io { .. } => classes.getattr("FileError")?.call1((text,))?,
             // The status of bad input.
@@ -52,6 +63,11 @@ pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
         Ok(PyErr::from_value(made))
     };
     raised().unwrap_or_else(|failure| failure)
+}
+
+/// A text with the arguments of Python in the place of options of the command.
+pub(crate) fn in_arguments(text: String, arguments: &[(&str, &str)]) -> String {
+    arguments.iter().fold(text, |text, (option, argument)| text.replace(option, argument))
 }
 
 /// Results with exceptions.

@@ -72,6 +72,12 @@ impl Interrupts {
         if self.raised.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
+    /// Calls something of Python; breaks where it raises.
+    pub(crate) fn call(&mut self, f: impl FnOnce(Python<'_>) -> PyResult<()>) -> ControlFlow<()> {
+        self.raised = Python::attach(f).err();
+        if self.raised.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
     /// What was raised.
     ///
     /// # Errors

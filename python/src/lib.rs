@@ -8,6 +8,7 @@
 mod arrays;
 mod ensemble;
 mod errors;
+mod fit;
 mod fluid;
 mod functions;
 mod interrupts;
@@ -20,12 +21,15 @@ mod scene;
 #[path = "../../cli/src/shipped.rs"]
 mod shipped;
 mod stepper;
+mod written;
 
 use pyo3::prelude::*;
 
 /// Scenes of models on arrays of numpy.
 #[pymodule]
 mod _hamel {
+    #[pymodule_export]
+    use crate::fit::{Fit, fit};
     #[pymodule_export]
     use crate::fluid::Fluid;
     #[pymodule_export]
@@ -36,6 +40,8 @@ mod _hamel {
     use crate::scene::Scene;
     #[pymodule_export]
     use crate::stepper::Stepper;
+    #[pymodule_export]
+    use crate::written::{formulations, generate};
 
     use pyo3::prelude::*;
 

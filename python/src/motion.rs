@@ -80,6 +80,11 @@ pub(crate) struct Options {
 }
 
 impl Options {
+    /// Largest number of steps.
+    pub(crate) fn max_steps(&self) -> Option<u64> {
+        self.max_steps
+    }
+
     /// The path of the scene's noises.
     ///
     /// # Errors
@@ -104,7 +109,7 @@ impl Options {
     ///
     /// # Errors
     /// [`Error::Request`] for what is no method, and steps that do not suit it.
-    fn steps(&self, info: &Info, otherwise: MethodName) -> Result<(MethodName, Steps), Error> {
+    pub(crate) fn steps(&self, info: &Info, otherwise: MethodName) -> Result<(MethodName, Steps), Error> {
         let method = self.method(info, otherwise)?;
         // A scene with noise says itself which steps it takes.
         let is_free = self.method.is_none() && !info.noises.is_empty();

@@ -173,3 +173,25 @@ def test_a_model_is_reduced_by_its_symmetries():
         assert ends[0][name] == pytest.approx(ends[1][name], rel=1e-6)
     with pytest.raises(pyhamel.ModelError, match="there is no group to reduce it by"):
         pyhamel.load("model m { coordinate x in real; lagrangian = x_dot^2 - x^4; }").reduce()
+
+
+def test_files_of_a_scene_are_those_of_the_command(tmp_path):
+    top = pyhamel.load("heavy_top")
+    files = top.generate()
+    shipped = (ROOT / "models/src/generated/heavy_top.rs").read_text()
+    body = lambda text: text.split("\n", 1)[1]
+    # The first line names the command.
+    assert list(files) == ["heavy_top.rs"] and body(files["heavy_top.rs"]) == body(shipped)
+    assert set(top.generate("c", tmp_path)) == {p.name for p in tmp_path.iterdir()} == {"heavy_top.h", "heavy_top.c"}
+    assert (tmp_path / "heavy_top.c").read_text() == top.generate("c")["heavy_top.c"]
+    with pytest.raises(pyhamel.InputError, match="no language `fortran`"):
+        top.generate("fortran")
+    with pytest.raises(pyhamel.FileError, match="nowhere"):
+        top.generate("c", tmp_path / "nowhere")
+
+
+def test_formulations_are_those_of_the_table():
+    found = pyhamel.load("chaplygin_sleigh").formulations()
+    assert sum(one.is_own for one in found.found) == 1
+    assert [one.cost for one in found.found] == sorted(one.cost for one in found.found)
+    assert all(str(one.cost) in str(found) and one.title in str(found) for one in found.found)

@@ -31,7 +31,7 @@ def test_every_public_name_is_documented():
 
 def test_every_native_name_is_in_the_stub():
     stub = (pathlib.Path(_hamel.__file__).parent / "_hamel.pyi").read_text()
-    for name in ("Scene", "Motion", "Stepper"):
+    for name in ("Scene", "Motion", "Stepper", "Fit"):
         body = re.search(rf"^class {name}:\n((?:    .*\n|\n)*)", stub, re.M)[1]
         known = set(re.findall(r"def (\w+)\(", body))
         assert known == {n for n in vars(getattr(_hamel, name)) if not n.startswith("_")}
@@ -59,7 +59,7 @@ def test_the_stub_is_what_the_native_module_has():
     assert found.returncode == 0, found.stdout + found.stderr
 
 
-@pytest.mark.parametrize("module", ["pyhamel", "pyhamel._model", "pyhamel._results"])
+@pytest.mark.parametrize("module", ["pyhamel", "pyhamel._model", "pyhamel._results", "pyhamel._fit"])
 def test_examples_of_docstrings_run(module):
     assert doctest.testmod(importlib.import_module(module)).failed == 0
 

@@ -2,39 +2,39 @@
 //!
 //! Does not know: how a request was written or where an answer goes.
 
+use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::dynamics::Factory;
-use super::fit::{FitRequest, FitResponse, Follows, fit};
+use super::fit::{Progress, Watch};
 use super::integrate::simulate;
 use super::simulation::{SimulateRequest, SimulateResponse};
 use crate::error::Error;
 use crate::signs::{self, Instead};
 
-/// Fits a scene under a line that tells how far the search is, on a terminal only.
+/// A fit under a line that tells how far the search is, on a terminal only.
 ///
 /// # Errors
-/// As [`fit`].
-pub fn fit_with_bar(
-    factory: &dyn Factory,
-    request: &FitRequest,
-    follower: Option<&dyn Follows>,
-) -> Result<FitResponse, Error> {
+/// As the fit.
+pub fn with_fit_bar<T>(fit: impl FnOnce(&mut Watch<'_>) -> Result<T, Error>) -> Result<T, Error> {
     let _instead = Instead::of_line();
     if !signs::are_shown() {
-        return fit(factory, request, follower, &mut |_, _| {});
+        return fit(&mut |_| ControlFlow::Continue(()));
     }
     let bar = ProgressBar::new_spinner();
     let template = "  {spinner} motion {pos}, sum of squares {msg}  {elapsed}";
     // The template is a constant that indicatif accepts.
     bar.set_style(ProgressStyle::with_template(template).expect("valid template"));
-    let result = fit(factory, request, follower, &mut |n, sum| {
-        bar.set_position(n as u64);
-        if sum.is_finite() {
-            bar.set_message(format!("{sum:.6e}"));
+    let result = fit(&mut |progress| {
+        if let Progress::Motion { n, sum_of_squares } = progress {
+            bar.set_position(n as u64);
+            if let Some(sum) = sum_of_squares.filter(|sum| sum.is_finite()) {
+                bar.set_message(format!("{sum:.6e}"));
+            }
         }
+        ControlFlow::Continue(())
     });
     bar.finish_and_clear();
     result

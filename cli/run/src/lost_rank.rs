@@ -260,18 +260,20 @@ fn cubic(
 }
 
 /// A motion that ends where its rank is lost, for integrations that look at nothing else on the way.
-pub(super) struct Held<'a, F> {
+pub(super) struct Held<'a, F, G> {
     dynamics: &'a dyn Dynamics,
     rank: Option<Rank>,
     /// Is told the samples.
     sample: F,
+    /// Whether the motion goes on after a step.
+    go_on: G,
     error: Option<Error>,
 }
 
-impl<'a, F: FnMut(f64, &VecState)> Held<'a, F> {
+impl<'a, F: FnMut(f64, &VecState), G: FnMut() -> ControlFlow<()>> Held<'a, F, G> {
     /// From a state on.
-    pub(super) fn new(dynamics: &'a dyn Dynamics, t: f64, y: &[f64], sample: F) -> Self {
-        Held { dynamics, rank: Rank::new(dynamics, t, y), sample, error: None }
+    pub(super) fn new(dynamics: &'a dyn Dynamics, (t, y): (f64, &[f64]), sample: F, go_on: G) -> Self {
+        Held { dynamics, rank: Rank::new(dynamics, t, y), sample, go_on, error: None }
     }
 
     /// Whether the rank was kept.
@@ -283,18 +285,22 @@ impl<'a, F: FnMut(f64, &VecState)> Held<'a, F> {
     }
 }
 
-impl<F: FnMut(f64, &VecState)> Observer<f64, VecState, 0> for Held<'_, F> {
+impl<F, G> Observer<f64, VecState, 0> for Held<'_, F, G>
+where
+    F: FnMut(f64, &VecState),
+    G: FnMut() -> ControlFlow<()>,
+{
     fn sample(&mut self, t: f64, state: &VecState) {
         (self.sample)(t, state);
     }
 
     fn step(&mut self, t: f64, state: &VecState) -> ControlFlow<()> {
-        let Some(rank) = &mut self.rank else { return ControlFlow::Continue(()) };
+        let Some(rank) = &mut self.rank else { return (self.go_on)() };
         if rank.is_lost(self.dynamics, t, &state.0) {
             self.error = Some(rank.lost(self.dynamics, t, &state.0));
             return ControlFlow::Break(());
         }
-        ControlFlow::Continue(())
+        (self.go_on)()
     }
 
     fn values(&mut self, _: f64, _: &VecState) -> [f64; 0] {

@@ -3,6 +3,8 @@
 //!
 //! Does not know: where states are kept, threads, what an input is for.
 
+use std::ops::ControlFlow;
+
 use hamel_ensemble::Lanes;
 use hamel_runtime::{AtRest, Error as SolverError, F64x4, Integrator, Method, Options, System};
 
@@ -156,7 +158,12 @@ impl<'a> Stepper<'a> {
                     if !self.is_held {
                         return Ok(solver.integrate_to(end)?);
                     }
-                    let mut held = Held::new(&**system, from.0, &from.1, |_, _: &VecState| {});
+                    let mut held = Held::new(
+                        &**system,
+                        (from.0, &from.1),
+                        |_, _: &VecState| {},
+                        || ControlFlow::Continue(()),
+                    );
                     let moved = solver.observe::<0>(end, [], [], &mut held);
                     held.kept().map_err(NotMoved::LostRank)?;
                     moved.map(|_| ()).map_err(NotMoved::Solver)

@@ -2,32 +2,23 @@
 //!
 //! Does not know: how a fit is done, how files are written.
 
-use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use hamel_codegen::spec::Unit;
-use serde_json::{Map, Value};
 
-use super::options::{MotionOptions, SceneOptions, assignment, assignments, finite};
+use super::options::{MotionOptions, SceneOptions, assignment, finite};
 use crate::output::fitted::{Fitted, Target};
 use crate::output::terminal::bold;
-use hamel_run::bars::fit_with_bar;
+use hamel_run::bars::with_fit_bar;
 use hamel_run::direction::Direction;
 use hamel_run::dynamics::Factory as _;
-use hamel_run::error::{Error, Problem};
-use hamel_run::fit::{Column, FitRequest, FitResponse, Follows, Known, Prior, Quantity};
-use hamel_run::follow::Follower;
-use hamel_run::forms::Forms;
+use hamel_run::error::Error;
+use hamel_run::fit::Prior;
 use hamel_run::info::Info;
-use hamel_run::integrate::has_state;
-use hamel_run::interpreted;
-use hamel_run::model::{self, Checked, blocks, units};
-use hamel_run::request::json::{by_name, number};
-use hamel_run::request::table::Table;
+use hamel_run::model::{self, blocks};
+use hamel_run::request::fit::{Asked, CURVE, Found, Source, ends, normal};
 use hamel_run::session::Session;
-use hamel_run::start::Starts;
 
 /// Fit parameters and initial values of a model to a table of measured values
 ///
@@ -99,9 +90,6 @@ pub struct Arguments {
     pub json: bool,
 }
 
-/// Points of the curves in figures: smooth curves, small files.
-const CURVE: usize = 1001;
-
 /// Fits; a summary for people, or JSON.
 ///
 /// # Errors
@@ -112,91 +100,51 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let file = arguments.scene.find(session)?;
     let choice = arguments.scene.choice_of(&file)?;
     let model = file.model()?;
-    let motion = &arguments.motion;
-    let steps = motion.steps()?;
-    // Has the events and residuals of the scene, whoever evaluates it.
-    let built = interpreted::build(model, &choice.scene)?;
-    if built.watched().is_some_and(|watched| watched.acts()) {
-        let reason = "has events that change the state or end the motion, through which derivatives are not carried: \
-                      choose a scene without `events`";
-        return Err(Error::unusable("--scene", reason));
-    }
+    let asked = arguments.asked(target.is_some())?;
     let scene = choice.open(&file)?;
-    let info = scene.info().clone();
-    has_state(&info)?;
-    let mut problems = Vec::new();
-    let forms = Forms::of(model, &info)?;
-    let [set, given] = motion.given(&info, &forms, &mut problems);
-    let free = free(model, &info, &arguments.free).unwrap_or_else(|found| {
-        problems.extend(found);
-        Vec::new()
-    });
-    if !problems.is_empty() {
-        return Err(Error::Request { problems });
-    }
-    let data = Data::read(model, &info, arguments, free.len())?;
-    let starts = Starts::new(model, &info, forms)?;
-    let (params, initial) = starts.choose(&scene, &set, &given)?;
-    let known = known(&info, arguments, &free, (&params, &initial))?;
-    let request = FitRequest {
-        params,
-        initial,
-        free,
-        known,
-        restarts: arguments.restarts,
-        segments: arguments.segments as usize,
-        columns: data.columns,
-        times: data.times,
-        values: data.values,
-        method: motion.method.unwrap_or_default(),
-        steps,
-        max_steps: motion.max_steps.unwrap_or(steps.max_steps()),
-        n_curve: if target.is_some() { CURVE } else { 0 },
-    };
-    let own = interpreted::build(model, &info.scene)?;
-    let forms = Forms::of(model, &info)?;
-    let follower = Follower::new(model, (&own, forms), [&set, &given])?
-        .from(request.params.clone(), request.initial.clone());
-    let follower = follower.is_restricted().then_some(&follower as &dyn Follows);
-    let response = fit_with_bar(&scene, &request, follower)?;
-    let title = model::title(model);
+    let found = with_fit_bar(|progress| asked.fit(model, &scene, progress))?;
+    let (info, title) = (scene.info(), model::title(model));
     if let (Some(target), Some(file)) = (&target, opened) {
-        let (info, title, blocks) = (&info, &title, &blocks::blocks(model));
-        target.write(file, &Fitted { info, title, blocks, request: &request, response: &response })?;
+        let (title, blocks) = (&title, &blocks::blocks(model));
+        let Found { request, response, .. } = &found;
+        target.write(file, &Fitted { info, title, blocks, request, response })?;
     }
     if arguments.json {
-        return Ok(json(&info, &request, &response).to_string());
+        return Ok(found.to_json(info).to_string());
     }
-    let mut text = summary(&info, &title, (arguments, &data.converted), &request, &response);
+    let mut text = summary(info, &title, &arguments.data.display().to_string(), &found);
     if let Some(target) = &target {
         let _ = write!(text, "\nwrote {}", target.path().display());
     }
     Ok(text)
 }
 
-/// What is to be found, by name.
-fn free(model: &Checked, info: &Info, names: &[String]) -> Result<Vec<Direction>, Vec<Problem>> {
-    let scene = model.scenes.iter().find(|own| own.name == info.scene);
-    let fixed: BTreeSet<&str> =
-        scene.into_iter().flat_map(|s| &s.fixed).map(|(name, _)| name.as_str()).collect();
-    let (fixed, others): (Vec<&String>, Vec<&String>) =
-        names.iter().partition(|name| fixed.contains(name.as_str()));
-    let told = fixed.into_iter().map(|name| Problem::Unusable {
-        path: "--free".into(),
-        reason: format!(
-            "has {name}, which scene {} fixes: choose another scene, or leave it out",
-            info.scene
-        ),
-    });
-    let mut problems: Vec<Problem> = told.collect();
-    let others: Vec<String> = others.into_iter().cloned().collect();
-    match Direction::named(info, &others, "--free") {
-        Ok(directions) if problems.is_empty() => Ok(directions),
-        Ok(_) => Err(problems),
-        Err(found) => {
-            problems.extend(found);
-            Err(problems)
-        }
+impl Arguments {
+    /// The fit that is asked for.
+    fn asked(&self, has_figure: bool) -> Result<Asked, Error> {
+        let split = |text: &String| match text.split_once('=') {
+            Some((name, header)) => (name.trim().to_owned(), header.trim().to_owned()),
+            None => (text.trim().to_owned(), text.trim().to_owned()),
+        };
+        let motion = &self.motion;
+        Ok(Asked {
+            data: Source::File(self.data.clone()),
+            free: self.free.clone(),
+            columns: self.columns.iter().map(split).collect(),
+            time: self.time.clone(),
+            t0: self.t0,
+            sigma: self.sigma.clone(),
+            bounds: self.bounds.clone(),
+            prior: self.prior.clone(),
+            restarts: self.restarts,
+            segments: self.segments as usize,
+            set: motion.set.clone(),
+            initial: motion.initial.clone(),
+            method: motion.method.unwrap_or_default(),
+            steps: motion.steps()?,
+            max_steps: motion.max_steps,
+            n_curve: if has_figure { CURVE } else { 0 },
+        })
     }
 }
 
@@ -206,11 +154,8 @@ fn interval(text: &str) -> Result<(String, [f64; 2]), String> {
     let (name, values) = text.split_once('=').ok_or(example)?;
     let (from, to) = values.split_once("..").ok_or(example)?;
     let end = |text: &str, open: f64| if text.trim().is_empty() { Ok(open) } else { finite(text) };
-    let ends = [end(from, f64::NEG_INFINITY)?, end(to, f64::INFINITY)?];
-    if ends[0] >= ends[1] {
-        return Err(format!("the interval {values} is empty: give the smaller number first"));
-    }
-    Ok((name.trim().to_owned(), ends))
+    let given = [end(from, f64::NEG_INFINITY)?, end(to, f64::INFINITY)?];
+    Ok((name.trim().to_owned(), ends(given).map_err(|why| format!("the interval {values} {why}"))?))
 }
 
 /// A value of a name with its standard deviation, `l=0.4+-0.05`.
@@ -218,300 +163,10 @@ fn prior(text: &str) -> Result<(String, Prior), String> {
     let example = "write it as name=value+-error, such as l=0.4+-0.05";
     let (name, values) = text.split_once('=').ok_or(example)?;
     let (mean, deviation) = values.split_once("+-").or_else(|| values.split_once('\u{b1}')).ok_or(example)?;
-    let prior = Prior { mean: finite(mean)?, deviation: finite(deviation)? };
-    if prior.deviation <= 0.0 {
-        return Err(format!("the standard deviation {:?} is not positive", prior.deviation));
-    }
-    Ok((name.trim().to_owned(), prior))
+    Ok((name.trim().to_owned(), normal(finite(mean)?, finite(deviation)?)?))
 }
 
-/// What --bounds and --prior say of each unknown, which start at `params` and `initial`.
-fn known(
-    info: &Info,
-    arguments: &Arguments,
-    free: &[Direction],
-    (params, initial): (&[f64], &[f64]),
-) -> Result<Vec<Known>, Error> {
-    let names: Vec<&str> = free.iter().map(|direction| direction.name(info)).collect();
-    let mut problems = Vec::new();
-    let mut all = vec![Known::default(); free.len()];
-    let mut place = |path: &str, name: &str, seen: &mut Vec<usize>| {
-        let Some(k) = names.iter().position(|own| *own == name) else {
-            problems.push(Problem::UnknownName {
-                path: path.into(),
-                kind: "free name",
-                name: name.to_owned(),
-                known: names.iter().map(|name| (*name).to_owned()).collect(),
-            });
-            return None;
-        };
-        if seen.contains(&k) {
-            problems.push(Problem::Repeated { path: path.into(), name: name.to_owned() });
-        }
-        seen.push(k);
-        Some(k)
-    };
-    let (mut bounded, mut measured) = (Vec::new(), Vec::new());
-    for (name, ends) in &arguments.bounds {
-        if let Some(k) = place("--bounds", name, &mut bounded) {
-            [all[k].least, all[k].most] = *ends;
-        }
-    }
-    for (name, prior) in &arguments.prior {
-        if let Some(k) = place("--prior", name, &mut measured) {
-            all[k].prior = Some(*prior);
-        }
-    }
-    for (k, (direction, known)) in free.iter().zip(&all).enumerate() {
-        let (value, option) = match direction {
-            Direction::Param(k) => (params[*k], "--set"),
-            Direction::Initial(k) => (initial[*k], "--initial"),
-        };
-        if !(known.least..=known.most).contains(&value) {
-            let name = names[k];
-            let reason = format!(
-                "keeps {name} within {:?}..{:?}, and the search starts at {name} = {value:?}: give another start with \
-                 {option}",
-                known.least, known.most
-            );
-            problems.push(Problem::Unusable { path: "--bounds".into(), reason });
-        }
-    }
-    if problems.is_empty() { Ok(all) } else { Err(Error::Request { problems }) }
-}
-
-/// Measured values, in the units of the model.
-struct Data {
-    columns: Vec<Column>,
-    times: Vec<f64>,
-    values: Vec<Vec<Option<f64>>>,
-    /// Columns that were in another unit, for people.
-    converted: Vec<String>,
-}
-
-/// The unit of a quantity, where it is known.
-fn unit_of<'m>(model: &'m Checked, info: &Info, quantity: Quantity) -> Option<&'m Unit> {
-    match quantity {
-        Quantity::State(k) => model.units.of(&info.state[k]),
-        Quantity::Energy => model.units.energy(),
-        Quantity::Output(k) => {
-            let mut at = k;
-            let group = info.outputs.iter().find(|group| {
-                let is_own = at < group.components.len();
-                at -= if is_own { 0 } else { group.components.len() };
-                is_own
-            })?;
-            model.units.of_output(&group.name, at)
-        }
-    }
-}
-
-impl Data {
-    fn read(model: &Checked, info: &Info, arguments: &Arguments, n_free: usize) -> Result<Data, Error> {
-        let table = Table::read(&arguments.data)?;
-        let file = arguments.data.display().to_string();
-        let mut problems = Vec::new();
-        let time = place(&table, &arguments.time, "--time", &mut problems);
-        let (mut columns, places) = columns(&table, info, arguments, &mut problems);
-        let Some(time) = time.filter(|_| problems.is_empty()) else {
-            return Err(Error::Request { problems });
-        };
-        sigmas(&mut columns, &arguments.sigma, &mut problems);
-        let units = columns.iter().map(|column| unit_of(model, info, column.quantity));
-        let quantities =
-            columns.iter().map(|column| column.name.as_str()).zip(units).zip(places.iter().copied());
-        let with_time = [((arguments.time.as_str(), units::of_time(model)), time)];
-        let mut converted = Vec::new();
-        let mut factors = Vec::new();
-        for ((name, unit), place) in with_time.into_iter().chain(quantities) {
-            let factor = table.factor(place, name, unit).unwrap_or_else(|problem| {
-                problems.push(problem);
-                None
-            });
-            if let Some((factor, text)) = factor.filter(|(factor, _)| *factor != 1.0) {
-                converted.push(format!("{name} is in {text} and was multiplied by {factor:?}"));
-            }
-            factors.push(factor.map_or(1.0, |(factor, _)| factor));
-        }
-        let (to_seconds, factors) = (factors[0], &factors[1..]);
-        let mut data = Data { columns, times: Vec::new(), values: Vec::new(), converted };
-        let mut last = None;
-        for (row, cells) in table.rows().enumerate() {
-            let mut complain = |reason| problems.push(table.problem_in_row(row, reason));
-            let Some(t) = cells[time] else {
-                complain(format!("has no time: fill in its column {}", arguments.time));
-                continue;
-            };
-            if t < arguments.t0 {
-                complain(format!(
-                    "is at {t:?}, before the motion starts at {:?}: give an earlier --t0",
-                    arguments.t0
-                ));
-            } else if last.is_some_and(|last| t <= last) {
-                complain(format!(
-                    "is at {t:?}, but the line before is not earlier: sort the lines by their times"
-                ));
-            }
-            last = Some(t);
-            let values = places.iter().zip(factors).map(|(place, factor)| Some(cells[*place]? * factor));
-            let values: Vec<Option<f64>> = values.collect();
-            if values.iter().any(Option::is_some) {
-                data.times.push((t - arguments.t0) * to_seconds);
-                data.values.push(values);
-            }
-        }
-        for (at, column) in data.columns.iter().enumerate() {
-            if data.values.iter().all(|row| row[at].is_none()) {
-                let reason = format!("has no value of {}: leave it out with --columns", column.name);
-                problems.push(Problem::Unusable { path: file.clone(), reason });
-            }
-        }
-        let n = data.values.iter().flatten().flatten().count();
-        if n + arguments.prior.len() <= n_free && problems.is_empty() {
-            let reason = format!(
-                "has {n} values of the chosen columns for {n_free} unknowns: give more values than unknowns, or fit less"
-            );
-            problems.push(Problem::Unusable { path: file, reason });
-        }
-        const MAX_PROBLEMS: usize = 20;
-        problems.truncate(MAX_PROBLEMS);
-        if problems.is_empty() { Ok(data) } else { Err(Error::Request { problems }) }
-    }
-}
-
-/// The columns that are compared, and their places in the table.
-fn columns(
-    table: &Table,
-    info: &Info,
-    arguments: &Arguments,
-    problems: &mut Vec<Problem>,
-) -> (Vec<Column>, Vec<usize>) {
-    let (mut columns, mut places) = (Vec::new(), Vec::new());
-    for (name, header) in chosen(table, arguments) {
-        let quantity = Quantity::named(info, name);
-        if quantity.is_none() {
-            problems.push(Problem::UnknownName {
-                path: format!("scene {} of {}", info.scene, info.model),
-                kind: "variable",
-                name: name.to_owned(),
-                known: Quantity::all(info).into_iter().map(|(name, _)| name).collect(),
-            });
-        }
-        if columns.iter().any(|column: &Column| column.name == name) {
-            problems.push(Problem::Repeated { path: "--columns".into(), name: name.to_owned() });
-        }
-        let place = place(table, header, "--columns", problems);
-        if let (Some(quantity), Some(place)) = (quantity, place) {
-            columns.push(Column { name: name.to_owned(), quantity, sigma: None });
-            places.push(place);
-        }
-    }
-    if arguments.columns.is_empty() && !problems.is_empty() {
-        let reason = "leaves out what is no variable of the scene, and says which header stands for which: \
-                      --columns NAME=HEADER,..";
-        problems.push(Problem::Unusable { path: "--columns".into(), reason: reason.into() });
-    }
-    (columns, places)
-}
-
-/// Names of what is compared, and the headers of their columns.
-fn chosen<'a>(table: &'a Table, arguments: &'a Arguments) -> Vec<(&'a str, &'a str)> {
-    if arguments.columns.is_empty() {
-        let others = table.names.iter().filter(|name| **name != arguments.time);
-        return others.map(|name| (name.as_str(), name.as_str())).collect();
-    }
-    let split = |text: &'a String| match text.split_once('=') {
-        Some((name, header)) => (name.trim(), header.trim()),
-        None => (text.trim(), text.trim()),
-    };
-    arguments.columns.iter().map(split).collect()
-}
-
-/// The column of a header, which has to be there once.
-fn place(table: &Table, header: &str, path: &str, problems: &mut Vec<Problem>) -> Option<usize> {
-    match table.places(header).as_slice() {
-        [place] => return Some(*place),
-        [] => problems.push(Problem::UnknownName {
-            path: "the table".into(),
-            kind: "column",
-            name: header.to_owned(),
-            known: table.names.clone(),
-        }),
-        _ => {
-            let reason =
-                format!("asks for the column {header}, of which the table has several: rename all but one");
-            problems.push(Problem::Unusable { path: path.into(), reason });
-        }
-    }
-    None
-}
-
-/// Gives each column its standard deviation: all of them, or none.
-fn sigmas(columns: &mut [Column], given: &[(String, f64)], problems: &mut Vec<Problem>) {
-    let names: Vec<String> = columns.iter().map(|column| column.name.clone()).collect();
-    let known: Vec<&str> = names.iter().map(String::as_str).collect();
-    let values = assignments(given, "--sigma", "column", &known, problems);
-    for (name, value) in values.iter().filter(|(_, value)| **value <= 0.0) {
-        let reason = format!("gives {name} the standard deviation {value:?}: give a positive one");
-        problems.push(Problem::Unusable { path: "--sigma".into(), reason });
-    }
-    let absent: Vec<String> = names.iter().filter(|name| !values.contains_key(*name)).cloned().collect();
-    if !given.is_empty() && !absent.is_empty() {
-        problems.push(Problem::MissingNames { path: "--sigma".into(), absent, known: names });
-        return;
-    }
-    columns.iter_mut().for_each(|column| column.sigma = values.get(&column.name).copied());
-}
-
-/// `{"params", "initial", "estimates", "correlation", "columns", "sum_of_squares", "degrees_of_freedom", "evaluations",
-/// "explained", "fits", "starts"}`; the first two are those of a request to simulate. With the standard deviations of
-/// all columns also `"chi_square": {"per_freedom", "probability"}`.
-fn json(info: &Info, request: &FitRequest, response: &FitResponse) -> Value {
-    let names = || response.estimates.iter().map(|estimate| estimate.name.as_str());
-    let object = |entries: &[(&str, Value)]| -> Value {
-        entries.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect::<Map<_, _>>().into()
-    };
-    let estimates = response.estimates.iter().map(|estimate| {
-        let error = estimate.deviation.map_or(Value::Null, number);
-        (estimate.name.clone(), object(&[("value", number(estimate.value)), ("error", error)]))
-    });
-    let correlation =
-        names().zip(&response.correlation).map(|(name, row)| (name.to_owned(), by_name(names(), row)));
-    let columns =
-        request.columns.iter().zip(response.rms.iter().zip(&response.n_values)).map(|(column, (rms, n))| {
-            (column.name.clone(), object(&[("values", (*n).into()), ("rms", number(*rms))]))
-        });
-    let starts = response.starts.iter().map(|start| {
-        let sum = start.sum_of_squares.map_or(Value::Null, number);
-        object(&[("from", by_name(names(), &start.from)), ("sum_of_squares", sum)])
-    });
-    let starts: Vec<Value> = starts.collect();
-    let chi_square = response.verdict.chi_square.map_or(Value::Null, |found| {
-        object(&[("per_freedom", number(found.per_freedom)), ("probability", number(found.probability))])
-    });
-    object(&[
-        ("params", by_name(info.param_names(), &response.params)),
-        ("initial", by_name(info.state_names(), &response.initial)),
-        ("estimates", Value::Object(estimates.collect())),
-        ("correlation", Value::Object(correlation.collect())),
-        ("columns", Value::Object(columns.collect())),
-        ("sum_of_squares", number(response.sum_of_squares)),
-        ("degrees_of_freedom", response.degrees_of_freedom().into()),
-        ("evaluations", response.n_evaluations.into()),
-        ("explained", number(response.verdict.explained)),
-        ("fits", response.verdict.fits().into()),
-        ("chi_square", chi_square),
-        ("starts", starts.into()),
-    ])
-}
-
-fn summary(
-    info: &Info,
-    title: &str,
-    (arguments, converted): (&Arguments, &[String]),
-    request: &FitRequest,
-    response: &FitResponse,
-) -> String {
+fn summary(info: &Info, title: &str, data: &str, Found { request, response, converted }: &Found) -> String {
     let mut text = format!("{}  {title}", bold(&info.model));
     if info.scene != model::DEFAULT_SCENE {
         let _ = write!(text, ", scene {}", info.scene);
@@ -519,8 +174,7 @@ fn summary(
     let n_values: usize = response.n_values.iter().sum();
     let _ = write!(
         text,
-        "\n  {n_values} values of {}, {} unknowns, {} motions",
-        arguments.data.display(),
+        "\n  {n_values} values of {data}, {} unknowns, {} motions",
         response.estimates.len(),
         response.n_evaluations
     );

@@ -2,17 +2,14 @@
 //!
 //! Does not know: what a command does with them.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
 use clap::Args;
 
 pub(crate) use hamel_run::asked::assignments;
-use hamel_run::asked::{self, Words};
 use hamel_run::choice::{Choice, Via};
-use hamel_run::error::{Error, Problem};
-use hamel_run::forms::Forms;
+use hamel_run::error::Error;
 use hamel_run::info::Info;
 use hamel_run::inputs::{Between, InputTable};
 use hamel_run::method::{MethodName, Steps};
@@ -195,16 +192,6 @@ impl MotionOptions {
         let steps = Steps::new(self.method.unwrap_or_default(), self.rtol, self.atol, self.step)
             .map_err(|reason| Error::unusable("--step", reason))?;
         steps.within(self.max_step).map_err(|reason| Error::unusable("--max-step", reason))
-    }
-
-    /// Parameters and components of the initial state that were given, by name; of a state in one of its forms.
-    pub(crate) fn given(
-        &self,
-        info: &Info,
-        forms: &Forms,
-        problems: &mut Vec<Problem>,
-    ) -> [BTreeMap<String, f64>; 2] {
-        asked::given([&self.set, &self.initial], &Words::OPTIONS, info, forms, problems)
     }
 }
 

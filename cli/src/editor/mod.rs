@@ -13,6 +13,7 @@ mod hover;
 mod navigation;
 mod position;
 mod server;
+mod structure;
 mod wire;
 mod work;
 

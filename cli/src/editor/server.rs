@@ -10,14 +10,16 @@ use std::time::{Duration, Instant};
 use hamel_codegen::spec;
 use lsp_server::{ErrorCode, Message, Notification, Request, RequestId, Response};
 use lsp_types::{
-    CodeActionKind, CodeActionOptions, CodeActionParams, CodeActionProviderCapability, CompletionOptions,
-    CompletionParams, DidChangeTextDocumentParams, DidCloseTextDocumentParams, DidOpenTextDocumentParams,
-    DocumentFormattingParams, DocumentHighlightParams, DocumentSymbolParams, GotoDefinitionParams, Hover,
+    CodeActionKind, CodeActionOptions, CodeActionParams, CodeActionProviderCapability, CodeLensOptions,
+    CodeLensParams, CompletionOptions, CompletionParams, DidChangeTextDocumentParams,
+    DidCloseTextDocumentParams, DidOpenTextDocumentParams, DocumentFormattingParams, DocumentHighlightParams,
+    DocumentSymbolParams, FoldingRangeParams, FoldingRangeProviderCapability, GotoDefinitionParams, Hover,
     HoverContents, HoverParams, HoverProviderCapability, MarkupContent, MarkupKind, OneOf,
     PrepareRenameResponse, PublishDiagnosticsParams, Range, ReferenceParams, RenameOptions, RenameParams,
     SemanticTokens, SemanticTokensFullOptions, SemanticTokensLegend, SemanticTokensOptions,
-    SemanticTokensParams, SemanticTokensResult, ServerCapabilities, TextDocumentPositionParams,
-    TextDocumentSyncCapability, TextDocumentSyncKind, TextEdit, Uri, WorkDoneProgressOptions,
+    SemanticTokensParams, SemanticTokensResult, ServerCapabilities, SignatureHelpOptions,
+    SignatureHelpParams, TextDocumentPositionParams, TextDocumentSyncCapability, TextDocumentSyncKind,
+    TextEdit, Uri, WorkDoneProgressOptions,
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -27,13 +29,15 @@ use super::document::{Checked, Document};
 use super::hover::{self, Answer, Wish};
 use super::position::Lines;
 use super::work::{Board, Workers};
-use super::{actions, completion, navigation, wire};
+use super::{actions, completion, navigation, structure, wire};
 use hamel_run::error::Error;
 
-/// How long an answer about a name waits for its equations.
-const PATIENCE: Duration = Duration::from_millis(1500);
+/// How long an answer about a name waits for its equations: as long as nobody notices. Later ones find them.
+const PATIENCE: Duration = Duration::from_millis(150);
 /// How often it is looked whether somebody waits for too long.
-const TICK: Duration = Duration::from_millis(100);
+const TICK: Duration = Duration::from_millis(50);
+/// Said in the place of equations.
+const DERIVING: &str = "\n\n*The equations are being derived.*";
 
 /// An answer that waits for equations.
 struct Waiting {
@@ -53,15 +57,25 @@ struct Server {
     board: Board,
     workers: Workers,
     waiting: Arc<Mutex<Vec<Waiting>>>,
+    /// The text that an answer has waited for the equations of, with its file.
+    deriving: Option<(String, Arc<str>)>,
     send: Send,
 }
 
-fn capabilities() -> ServerCapabilities {
+/// What the server can do; commands are for editors that say to have a panel for what these show.
+fn capabilities(has_panel: bool) -> ServerCapabilities {
     let progress = WorkDoneProgressOptions::default();
     ServerCapabilities {
         text_document_sync: Some(TextDocumentSyncCapability::Kind(TextDocumentSyncKind::INCREMENTAL)),
         hover_provider: Some(HoverProviderCapability::Simple(true)),
         completion_provider: Some(CompletionOptions::default()),
+        signature_help_provider: Some(SignatureHelpOptions {
+            trigger_characters: Some(vec!["(".to_owned(), ",".to_owned()]),
+            retrigger_characters: None,
+            work_done_progress_options: progress,
+        }),
+        folding_range_provider: Some(FoldingRangeProviderCapability::Simple(true)),
+        code_lens_provider: has_panel.then_some(CodeLensOptions { resolve_provider: Some(false) }),
         definition_provider: Some(OneOf::Left(true)),
         references_provider: Some(OneOf::Left(true)),
         document_highlight_provider: Some(OneOf::Left(true)),
@@ -100,9 +114,10 @@ pub fn serve() -> Result<(), Error> {
     // Where no message can be read, that says more than the end of the conversation.
     let failed =
         |e: &dyn std::fmt::Display| broken.reason().map_or_else(|| failed(e), |reason| failed(&reason));
-    let (id, _) = connection.initialize_start().map_err(|e| failed(&e))?;
+    let (id, asked) = connection.initialize_start().map_err(|e| failed(&e))?;
+    let has_panel = asked["initializationOptions"]["panel"] == true;
     let info = json!({
-        "capabilities": capabilities(),
+        "capabilities": capabilities(has_panel),
         "serverInfo": { "name": "hamel", "version": env!("CARGO_PKG_VERSION") },
     });
     connection.initialize_finish(id, info).map_err(|e| failed(&e))?;
@@ -156,7 +171,7 @@ impl Server {
         let late = Arc::clone(&waiting);
         let on_derived = move |file: &str| answer_derived(&late, &of_derived, file, &answers);
         let workers = Workers::start(&board, on_checked, on_derived);
-        Server { documents: BTreeMap::new(), board, workers, waiting, send }
+        Server { documents: BTreeMap::new(), board, workers, waiting, deriving: None, send }
     }
 
     fn is_waited_for(&self) -> bool {
@@ -169,7 +184,7 @@ impl Server {
         let (late, rest) = waiting.drain(..).partition(|w: &Waiting| w.since.elapsed() > PATIENCE);
         *waiting = rest;
         for Waiting { id, answer, range, .. } in late {
-            (self.send)(Response::new_ok(id, shown(answer.text, range)).into());
+            (self.send)(Response::new_ok(id, shown(answer.text + DERIVING, range)).into());
         }
     }
 
@@ -178,7 +193,12 @@ impl Server {
         match method.as_str() {
             "textDocument/didOpen" => {
                 let Some(DidOpenTextDocumentParams { text_document }) = read(params) else { return };
-                self.set(text_document.uri.as_str(), text_document.text, text_document.version);
+                let file = text_document.uri.as_str();
+                self.set(file, text_document.text, text_document.version);
+                // Whoever opens a model asks for its equations soon.
+                if let Some(document) = self.documents.get(file) {
+                    self.workers.derive(file, document.version, &document.text);
+                }
             }
             "textDocument/didChange" => {
                 let Some(DidChangeTextDocumentParams { text_document, content_changes }) = read(params)
@@ -262,6 +282,17 @@ impl Server {
             "textDocument/documentSymbol" => self.about(params, |s, p: DocumentSymbolParams| {
                 Some(navigation::symbols(s.documents.get(p.text_document.uri.as_str())?))
             }),
+            "textDocument/signatureHelp" => self.about(params, |s, p: SignatureHelpParams| {
+                let (_, document, offset) = s.place(&p.text_document_position_params)?;
+                structure::signature(document, offset)
+            }),
+            "textDocument/foldingRange" => self.about(params, |s, p: FoldingRangeParams| {
+                Some(structure::folds(s.documents.get(p.text_document.uri.as_str())?))
+            }),
+            "textDocument/codeLens" => self.about(params, |s, p: CodeLensParams| {
+                let uri = &p.text_document.uri;
+                Some(structure::lenses(s.documents.get(uri.as_str())?, uri))
+            }),
             "textDocument/formatting" => self.about(params, |s, p: DocumentFormattingParams| {
                 let file = p.text_document.uri.as_str();
                 let document = s.documents.get(file)?;
@@ -339,6 +370,11 @@ impl Server {
             return Some(value(shown(text, range)));
         }
         let (text, version) = (Arc::clone(&document.text), document.version);
+        // Who has asked before knows that this takes a while.
+        let is_again = self.deriving.as_ref().is_some_and(|(own, of)| own == file && *of == text);
+        if is_again {
+            return Some(value(shown(answer.text + DERIVING, range)));
+        }
         let waiting = Waiting {
             id: id.clone(),
             file: file.to_owned(),
@@ -349,6 +385,7 @@ impl Server {
         };
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner).push(waiting);
         self.workers.derive(file, version, &text);
+        self.deriving = Some((file.to_owned(), text));
         None
     }
 }

@@ -8,7 +8,7 @@ use lsp_types::Uri;
 
 use super::document::{Checked, Document, check};
 use super::hover::{self, Wish};
-use super::{completion, navigation};
+use super::{completion, navigation, structure};
 
 const TOP: &str = "/// Top
 model top {
@@ -47,6 +47,9 @@ fn ask_everything(document: &Document, offset: usize, checked: Option<&Checked>)
     let _ = navigation::renamed(document, offset);
     let _ = navigation::symbols(document);
     let _ = navigation::tokens(document);
+    let _ = structure::signature(document, offset);
+    let _ = structure::folds(document);
+    let _ = structure::lenses(document, &uri);
 }
 
 /// The models of the repository.

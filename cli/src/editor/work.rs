@@ -80,10 +80,13 @@ impl Workers {
         let of_derivations = board.clone();
         thread::spawn(move || {
             each_newest(&jobs, |job| {
-                let model = checked(&of_derivations, job).model;
-                let equations = model.as_deref().and_then(derive).map(Arc::new);
-                let text = Arc::clone(&job.text);
-                of_derivations.note(&job.file, |known| known.equations = Some((text, equations)));
+                let known = of_derivations.of(&job.file).equations;
+                if known.is_none_or(|(text, _)| text != job.text) {
+                    let model = checked(&of_derivations, job).model;
+                    let equations = model.as_deref().and_then(derive).map(Arc::new);
+                    let text = Arc::clone(&job.text);
+                    of_derivations.note(&job.file, |known| known.equations = Some((text, equations)));
+                }
                 on_derived(&job.file);
             });
         });

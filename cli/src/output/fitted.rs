@@ -14,17 +14,17 @@ use hamel_run::model::blocks::Block;
 
 /// Everything that is shown of a fit.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Fitted<'a> {
+pub struct Fitted<'a> {
     /// Names and meanings of the scene.
-    pub(crate) info: &'a Info,
+    pub info: &'a Info,
     /// Title of the model.
-    pub(crate) title: &'a str,
+    pub title: &'a str,
     /// Groups of state variables, which have their units.
-    pub(crate) blocks: &'a [Block],
+    pub blocks: &'a [Block],
     /// What was asked.
-    pub(crate) request: &'a FitRequest,
+    pub request: &'a FitRequest,
     /// What came out, with curves.
-    pub(crate) response: &'a FitResponse,
+    pub response: &'a FitResponse,
 }
 
 /// A figure to write.
@@ -65,7 +65,8 @@ impl Target {
     }
 }
 
-fn figure(fitted: &Fitted<'_>) -> Figure {
+/// The figure: a panel for each column.
+pub fn figure(fitted: &Fitted<'_>) -> Figure {
     let Fitted { info, title, request, response, .. } = *fitted;
     let panel = |(at, (column, curve)): (usize, (&Column, &Vec<f64>))| {
         let values = request.times.iter().zip(&request.values);

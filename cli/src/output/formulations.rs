@@ -20,7 +20,7 @@ state     `=`: every variable is one of the scene's own; otherwise those that ar
 
 /// A line for each formulation, the cheapest first and the scene's own marked, what the columns are, and what was left
 /// out.
-pub(crate) fn table(model: &Model, scene: &str, found: &Formulations) -> String {
+pub fn table(model: &Model, scene: &str, found: &Formulations) -> String {
     let mut text = format!(
         "Formulations of scene {scene} of {}, each proved to be the same motion; `*` is as the scene says, `>` what \
          `formulation auto` takes,\n`}}` what `formulation auto(state)` takes:\n\n",

@@ -9,7 +9,7 @@ pub mod fields;
 pub mod files;
 pub mod fitted;
 pub mod fmu;
-pub(crate) mod formulations;
+pub mod formulations;
 pub(crate) mod opened;
 mod picture;
 pub mod plot;

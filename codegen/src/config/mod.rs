@@ -16,6 +16,7 @@ pub mod store;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -101,7 +102,26 @@ fn model_text(path: &Path) -> Result<String, Problem> {
 }
 
 fn text_of(path: &Path) -> Result<String, Problem> {
-    std::fs::read_to_string(path).map_err(|source| Problem::Read { path: path.to_owned(), source })
+    std::fs::read_to_string(path)
+        .map_err(|source| Problem::Read { path: path.to_owned(), source: with_neighbours(path, source) })
+}
+
+/// An error of reading a file with the model files that are beside it, where it is not there.
+fn with_neighbours(path: &Path, source: io::Error) -> io::Error {
+    if source.kind() != io::ErrorKind::NotFound {
+        return source;
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let Ok(listing) = std::fs::read_dir(folder) else {
+        let here = std::env::current_dir().unwrap_or_default();
+        let text = format!("there is no folder {} in {}", folder.display(), here.display());
+        return io::Error::new(source.kind(), text);
+    };
+    let names = listing.filter_map(|file| file.ok()?.file_name().into_string().ok());
+    let mut models: Vec<String> = names.filter(|name| name.ends_with(".hamel")).collect();
+    models.sort();
+    let there = if models.is_empty() { "no model".to_owned() } else { models.join(", ") };
+    io::Error::new(source.kind(), format!("there is no such file; {} has {there}", folder.display()))
 }
 
 fn parsed(budget: Budget, path: &Path, text: &str) -> Result<Model, Problem> {
@@ -338,7 +358,7 @@ impl Config {
             println!("cargo::warning={line}");
         }
         let bundle = self.generate_cached(models, &|_| {}, cache)?;
-        for line in bundle.warnings.iter().filter(|_| self.emit_warnings).flat_map(Diagnostics::lines) {
+        for line in bundle.warnings.iter().filter(|_| self.emit_warnings).flat_map(lines_of) {
             println!("cargo::warning={line}");
         }
         bundle.write(folder)?;
@@ -348,7 +368,7 @@ impl Config {
     /// What cargo is asked to show about models that are not wrong.
     fn warnings(&self, models: &[Model]) -> Vec<String> {
         let shown = models.iter().filter(|_| self.emit_warnings);
-        shown.flat_map(|model| model.warnings.lines()).collect()
+        shown.flat_map(|model| lines_of(&model.warnings)).collect()
     }
 
     /// The directory to write to; `from_cargo` is the value of `OUT_DIR`.
@@ -533,6 +553,13 @@ impl Config {
         let script = scene.emit_script(language, &self.writing, scene::start(model, scene)?)?;
         Ok(vec![(script.file, script.text)])
     }
+}
+
+/// Warnings with their places in the text, line by line: cargo shows no longer texts, and says itself that they warn.
+fn lines_of(warnings: &Diagnostics) -> Vec<String> {
+    let text = warnings.render(false);
+    let lines = text.lines().filter(|line| !line.trim().is_empty());
+    lines.map(|line| line.strip_prefix("warning: ").unwrap_or(line).to_owned()).collect()
 }
 
 /// Folder in `OUT_DIR` for scenes that need not be made again.

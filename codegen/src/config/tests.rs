@@ -23,9 +23,16 @@ fn warnings_are_for_cargo_only_when_asked_and_never_beside_errors() {
     let idle = SPRING.replace("coordinate", "param m = 2 where m > 0;\n  coordinate");
     let models = [model(SPRING), model(&idle)];
     assert_eq!(Config::new().warnings(&models), Vec::<String>::new());
-    let line = "spring.hamel:1:22: parameter `m` has no effect; remove it, or use it in the Lagrangian, a constraint, \
-                a force or an output";
-    assert_eq!(Config::new().emit_warnings(true).warnings(&models), [line]);
+    let lines = [
+        "parameter `m` has no effect",
+        " --> spring.hamel:1:22",
+        "  |",
+        "1 | model spring { param m = 2 where m > 0;",
+        "  |                      ^",
+        "  |",
+        "  = help: remove it, or use it in the Lagrangian, a constraint, a force or an output",
+    ];
+    assert_eq!(Config::new().emit_warnings(true).warnings(&models), lines);
     let wrong = spec::parse("spring.hamel", &idle.replace("2*x^2", "2*y^2")).unwrap_err();
     assert_eq!(wrong.len(), 1, "{wrong}");
 }

@@ -122,3 +122,108 @@ fn a_wrong_model_fails_the_build_with_its_place_and_a_hint() {
     }
     assert!(!message.contains("panicked"), "{message}");
 }
+
+/// A model that is right, of which each case below changes a part.
+const PENDULUM: &str = "/// Pendulum
+model suslov_gyrostat {
+    /// Mass [kg].
+    param m = 1 where m > 0;
+    /// Length [m].
+    param l = 1 where l > 0;
+    /// Acceleration of gravity [m/s^2].
+    param g = 9.81;
+    /// Angle [rad].
+    coordinate theta in angle;
+    lagrangian = m*l^2*theta_dot^2/2 + m*g*l*cos(theta);
+    scene small { want rhs; }
+}
+";
+
+/// A change, and what cargo shows of it: the place, the text with a mark under it, what to change.
+const MISTAKES: [(&str, &str, [&str; 4]); 9] = [
+    (
+        "param g = 9.81;",
+        "param g = 9.81",
+        ["expected `;`", ":8:19", "    param g = 9.81\n", "every item ends with `;`"],
+    ),
+    ("cos(theta)", "cos(thta)", ["unknown name `thta`", ":11:50", "^^^^", "did you mean `theta`?"]),
+    ("m*g*l*cos", "m*g*cos", ["[kg m/s^2 (N)]", ":11:18", "^^^^", "correct a unit in a doc comment"]),
+    (
+        "coordinate theta in angle;",
+        "coordinate theta in angle; coordinate x in real;",
+        ["no inertia along x_dot", ":11:18", "^^^^", "needs kinetic energy in every direction"],
+    ),
+    (
+        "param g = 9.81;",
+        "param m = 9.81;",
+        ["`m` is declared twice", ":8:11", "first as a parameter", "rename one"],
+    ),
+    (
+        "lagrangian",
+        "constraint theta_dot = 1; constraint theta_dot = 2; lagrangian",
+        ["contradicts the others", ":11:42", "^^^^", "no velocity satisfies all of them"],
+    ),
+    ("want rhs;", "want jacobain;", ["is not an output", ":12:24", "^^^^^^^^", "did you mean `jacobian`?"]),
+    ("9.81", "9.8.1", ["found `.`", ":8:18", "    param g = 9.8.1;", "a number has one point"]),
+    ("9.81", "1/0", ["division by zero", ":8:17", "^", "the divisor vanishes identically"]),
+];
+
+/// What cargo shows of a build, without its own marks at the beginning of a line.
+fn shown(package: &Package) -> String {
+    let output = Command::new(env!("CARGO"))
+        .args(["build", "--offline"])
+        .current_dir(&package.root)
+        .env("CARGO_TARGET_DIR", Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap())
+        .output()
+        .unwrap();
+    String::from_utf8(output.stderr).unwrap()
+}
+
+#[test]
+fn every_mistake_is_shown_with_its_place_and_its_cure() {
+    let package = Package::new("hamel_mistakes");
+    let build = |scenes: &str, file: &str| {
+        format!(
+            "fn main() -> Result<(), hamel_codegen::config::Problems> {{\n    hamel_codegen::Config::new(){scenes}\
+             .emit_warnings(true).compile(&[\"models/{file}.hamel\"])\n}}\n"
+        )
+    };
+    let script = package.root.join("build.rs");
+    std::fs::write(&script, build("", "suslov_gyrostat")).unwrap();
+    let model = package.root.join("models/suslov_gyrostat.hamel");
+    let is_clean = |message: &str| {
+        for noise in ["panicked", "RUST_BACKTRACE", "thread 'main'", "Os {", "\u{1b}["] {
+            assert!(!message.contains(noise), "{noise} in {message}");
+        }
+    };
+    for (from, to, parts) in MISTAKES {
+        assert!(PENDULUM.contains(from));
+        std::fs::write(&model, PENDULUM.replacen(from, to, 1)).unwrap();
+        let message = shown(&package);
+        for part in parts {
+            assert!(message.contains(part), "{to}: {part} in {message}");
+        }
+        assert!(message.contains("models/suslov_gyrostat.hamel:"), "{message}");
+        is_clean(&message);
+    }
+    // Mistakes of the script itself.
+    std::fs::write(&model, PENDULUM).unwrap();
+    for (scenes, file, parts) in [
+        (
+            "",
+            "suslov",
+            [
+                "models/suslov.hamel cannot be read",
+                "models has kite.hamel, loop.hamel, suslov_gyrostat.hamel",
+            ],
+        ),
+        (".scenes(\"suslov_gyrostat\", [\"smal\"])", "suslov_gyrostat", ["has no scene smal", "scenes: default, small"]),
+    ] {
+        std::fs::write(&script, build(scenes, file)).unwrap();
+        let message = shown(&package);
+        for part in parts {
+            assert!(message.contains(part), "{part} in {message}");
+        }
+        is_clean(&message);
+    }
+}

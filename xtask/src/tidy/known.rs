@@ -33,8 +33,8 @@ pub(super) const CIRCLES: &[(&str, &[&str], &str)] = &[
     ),
     (
         "python/src",
-        &["ensemble", "fluid", "mod", "motion", "scene", "stepper"],
-        "the class `Scene` has its methods in one file, and motions and ensembles take a `Scene`",
+        &["ensemble", "fit", "fluid", "mod", "motion", "scene", "stepper", "written"],
+        "the class `Scene` has its methods in one file, and motions, fits and ensembles take a `Scene`",
     ),
     (
         "runtime/src/integrator",

@@ -17,9 +17,10 @@ use super::noise;
 use crate::error::Error;
 
 pub use self::request::{
-    Column, Estimate, FitRequest, FitResponse, Follows, Known, Prior, Quantity, Started, place_of,
+    Column, Estimate, FitRequest, FitResponse, Follows, Known, Prior, Progress, Quantity, Started, place_of,
 };
 
+pub use self::residuals::Watch;
 use self::residuals::{Motions, cells, curves};
 pub use self::verdict::{ChiSquare, Verdict};
 
@@ -32,25 +33,27 @@ pub use self::verdict::{ChiSquare, Verdict};
 /// with the derivatives of `y` and of the outputs `g_c` by dual numbers, and the second sum over priors. Steps to
 /// values that the model does not allow, or from which no motion reaches the last time, are shortened. Standard
 /// deviations come from the derivatives at the minimum, `(J^T J)^-1`, times the mean square of what is left where no
-/// `sigma` is known. `progress` is told how many motions were integrated, and the sum of squares of the last. With a
-/// `follower`, what nobody gave of the start stays on its equations.
+/// `sigma` is known. `progress` is told how many motions were integrated, and the sum of squares of the last; where it
+/// breaks, the fit is called off. With a `follower`, what nobody gave of the start stays on its equations.
 ///
 /// # Errors
 /// [`Error::NoState`]; [`Error::Options`] for a method without derivatives, for priors without the standard deviations
 /// of the data, for segments of a motion whose starts equations restrict; what is wrong with the start, as for a
-/// simulation; [`Error::Unidentifiable`] and [`Error::NotFitted`].
-pub fn fit(
-    factory: &dyn Factory,
+/// simulation; [`Error::Unidentifiable`] and [`Error::NotFitted`]; that it was called off.
+pub fn fit<'a>(
+    factory: &'a dyn Factory,
     request: &FitRequest,
-    follower: Option<&dyn Follows>,
-    progress: &mut dyn FnMut(usize, f64),
+    follower: Option<&'a dyn Follows>,
+    progress: &'a mut Watch<'a>,
 ) -> Result<FitResponse, Error> {
     let info = factory.info();
     has_state(info)?;
     noise::refuse(info, "whose paths no fit follows")?;
     check(request, follower.is_some_and(Follows::is_on_equations))?;
     let mut motions = Motions::new((factory, follower), request, progress)?;
-    let (found, starts) = search::search(&mut motions, request)?;
+    let found = search::search(&mut motions, request);
+    motions.go_on()?;
+    let (found, starts) = found?;
     let n = motions.n_integrated();
     let free = || request.free.iter().map(|direction| direction.name(info).to_owned());
     let by_name = || free().zip(found.x.iter().copied()).collect();
@@ -106,9 +109,13 @@ pub fn fit(
         starts,
         n_evaluations: n,
         verdict: search::verdict(request, &found.at),
+        residuals: vec![vec![None; request.columns.len()]; request.times.len()],
         curve_times: Vec::new(),
         curves: Vec::new(),
     };
+    for ((row, c, _), residual) in cells(request).zip(found.at.residuals.iter()) {
+        response.residuals[row][c] = Some(residual * request.columns[c].sigma.unwrap_or(1.0));
+    }
     for (c, column) in request.columns.iter().enumerate() {
         let cells = cells(request).zip(found.at.residuals.iter()).filter(|((_, at, _), _)| *at == c);
         let sum: f64 = cells.clone().map(|(_, r)| (r * column.sigma.unwrap_or(1.0)).powi(2)).sum();
@@ -139,7 +146,7 @@ pub fn fit(
         let end = request.times.last().copied().unwrap_or_default();
         response.curve_times =
             (0..request.n_curve).map(|k| end * (k as f64 / (request.n_curve - 1) as f64)).collect();
-        response.curves = curves(factory, request, &response)?;
+        response.curves = curves(&motions, request, &response)?;
     }
     Ok(response)
 }

@@ -170,6 +170,9 @@ pub struct FitResponse {
     pub n_evaluations: usize,
     /// What the residuals say about the fit.
     pub verdict: Verdict,
+    /// The residual of each value: the motion less the value, in the unit of the column; for each time one of each
+    /// column, where there is a value.
+    pub residuals: Vec<Vec<Option<f64>>>,
     /// Times of the curves.
     pub curve_times: Vec<f64>,
     /// The fitted motion at these times, a curve for each column.
@@ -182,6 +185,20 @@ impl FitResponse {
         let n_known = self.n_values.iter().sum::<usize>() + self.n_priors;
         n_known.saturating_sub(self.estimates.iter().filter(|estimate| estimate.deviation.is_some()).count())
     }
+}
+
+/// How far a fit is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Progress {
+    /// A step of a motion was made.
+    Step,
+    /// A motion was integrated.
+    Motion {
+        /// How many were until now.
+        n: usize,
+        /// The sum of squares of its residuals, where it has some.
+        sum_of_squares: Option<f64>,
+    },
 }
 
 /// How a start stays on its equations while parameters and components of it change.

@@ -2,12 +2,13 @@
 //!
 //! Does not know: how the unknowns are searched.
 
-use std::ops::Range;
+use std::cell::{Cell, RefCell};
+use std::ops::{ControlFlow, Range};
 
 use hamel_runtime::{Dual, Integrator};
 use nalgebra::{DMatrix, DVector};
 
-use super::request::{Column, FitRequest, FitResponse, Follows, Quantity};
+use super::request::{Column, FitRequest, FitResponse, Follows, Progress, Quantity};
 use crate::admissible;
 use crate::auto::Purpose;
 use crate::direction::Direction;
@@ -56,8 +57,12 @@ pub(super) struct Motions<'a> {
     pub(super) factory: &'a dyn Factory,
     follower: Option<&'a dyn Follows>,
     n: usize,
-    progress: &'a mut dyn FnMut(usize, f64),
+    progress: RefCell<&'a mut Watch<'a>>,
+    is_called_off: Cell<bool>,
 }
+
+/// Is told how far a fit is, and calls it off where it breaks.
+pub type Watch<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
 
 impl<'a> Motions<'a> {
     /// # Errors
@@ -65,10 +70,31 @@ impl<'a> Motions<'a> {
     pub(super) fn new(
         (factory, follower): (&'a dyn Factory, Option<&'a dyn Follows>),
         request: &FitRequest,
-        progress: &'a mut dyn FnMut(usize, f64),
+        progress: &'a mut Watch<'a>,
     ) -> Result<Motions<'a>, Error> {
         Along::new(factory, &request.free, request.method, "fit")?;
-        Ok(Motions { factory, follower, n: 0, progress })
+        let (progress, is_called_off) = (RefCell::new(progress), Cell::new(false));
+        Ok(Motions { factory, follower, n: 0, progress, is_called_off })
+    }
+
+    /// Tells how far the fit is; breaks once it was called off.
+    fn tell(&self, progress: Progress) -> ControlFlow<()> {
+        if self.is_called_off.get() || (self.progress.borrow_mut())(progress).is_break() {
+            self.is_called_off.set(true);
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// # Errors
+    /// That the fit was called off.
+    pub(super) fn go_on(&self) -> Result<(), Error> {
+        match self.is_called_off.get() {
+            false => Ok(()),
+            true => Err(Error::Options {
+                reason: format!("fit: called off after {} motions", self.n_integrated()),
+            }),
+        }
     }
 
     /// How many were integrated.
@@ -79,7 +105,9 @@ impl<'a> Motions<'a> {
     /// Counts a motion, and tells what came out.
     pub(super) fn told(&mut self, at: Result<Linearised, Error>) -> Result<Linearised, Error> {
         self.n += 1;
-        (self.progress)(self.n, at.as_ref().map_or(f64::NAN, |at| at.residuals.norm_squared()));
+        let sum_of_squares = at.as_ref().ok().map(|at| at.residuals.norm_squared());
+        // Whoever asks for the next motion learns that the fit was called off.
+        let _ = self.tell(Progress::Motion { n: self.n, sum_of_squares });
         at
     }
 
@@ -107,7 +135,7 @@ impl<'a> Motions<'a> {
         let (params, start) = self.start(request, x)?;
         let leg = Leg { directions: &request.free, t: 0.0, rows: 0..request.times.len(), end: None };
         let along = Along::new(self.factory, &request.free, request.method, "fit")?;
-        let passed = leg.pass((self.factory, &along), request, &params, &start)?;
+        let passed = leg.pass((self, &along), request, &params, &start)?;
         let n_cells = passed.slopes.len();
         let priors: Vec<(usize, f64, f64)> = priors(request, x).collect();
         let n = n_cells + priors.len();
@@ -160,14 +188,16 @@ impl Leg<'_> {
     /// From a state with its derivatives along the directions behind it.
     pub(super) fn pass(
         &self,
-        (factory, along): (&dyn Factory, &Along<'_>),
+        (motions, along): (&Motions<'_>, &Along<'_>),
         request: &FitRequest,
         params: &[f64],
         start: &[f64],
     ) -> Result<Passed, Error> {
+        let factory = motions.factory;
         let times = &request.times[self.rows.clone()];
         let end = self.end.or(times.last().copied()).unwrap_or_default();
-        let (states, end) = states(&prepare(along, params)?, request, start, (self.t, times, end))?;
+        let (states, end) =
+            motions.states((&prepare(along, params)?, request), start, (self.t, times, end))?;
         let n = factory.info().state.len();
         let needs_outputs =
             request.columns.iter().any(|column| !matches!(column.quantity, Quantity::State(_)));
@@ -233,13 +263,14 @@ impl Measured {
 
 /// The fitted motion, a curve for each column.
 pub(super) fn curves(
-    factory: &dyn Factory,
+    motions: &Motions<'_>,
     request: &FitRequest,
     response: &FitResponse,
 ) -> Result<Vec<Vec<f64>>, Error> {
-    let dynamics = prepare(factory, &response.params)?;
+    let dynamics = prepare(motions.factory, &response.params)?;
     let end = response.curve_times.last().copied().unwrap_or_default();
-    let (states, _) = states(&dynamics, request, &response.initial, (0.0, &response.curve_times, end))?;
+    let (states, _) =
+        motions.states((&dynamics, request), &response.initial, (0.0, &response.curve_times, end))?;
     let curve = |column: &Column| -> Result<Vec<f64>, Error> {
         let value = |(t, y): (&f64, &Vec<f64>)| {
             let value = match column.quantity {
@@ -256,30 +287,38 @@ pub(super) fn curves(
     request.columns.iter().map(curve).collect()
 }
 
-/// The states of a motion at times, and at its end.
-fn states(
-    dynamics: &PreparedScene<'_>,
-    request: &FitRequest,
-    initial: &[f64],
-    (t, times, end): (f64, &[f64], f64),
-) -> Result<(Vec<Vec<f64>>, Vec<f64>), Error> {
-    let method =
-        method_of(request.method, request.steps, Purpose::Samples, &**dynamics, initial)?.of_scenes();
-    let info = dynamics.info();
-    let options = request.steps.options(end - t, request.max_steps)?;
-    let initial = VecState(initial.to_vec());
-    let mut solver = Integrator::new(dynamics, method, t, initial, options).map_err(|e| match e {
-        hamel_runtime::Error::Failure(failure) => {
-            Error::State { path: "initial".into(), reason: describe(info, failure) }
+impl Motions<'_> {
+    /// The states of a motion at times, and at its end.
+    fn states(
+        &self,
+        (dynamics, request): (&PreparedScene<'_>, &FitRequest),
+        initial: &[f64],
+        (t, times, end): (f64, &[f64], f64),
+    ) -> Result<(Vec<Vec<f64>>, Vec<f64>), Error> {
+        self.go_on()?;
+        let method =
+            method_of(request.method, request.steps, Purpose::Samples, &**dynamics, initial)?.of_scenes();
+        let info = dynamics.info();
+        let options = request.steps.options(end - t, request.max_steps)?;
+        let initial = VecState(initial.to_vec());
+        let mut solver = Integrator::new(dynamics, method, t, initial, options).map_err(|e| match e {
+            hamel_runtime::Error::Failure(failure) => {
+                Error::State { path: "initial".into(), reason: describe(info, failure) }
+            }
+            other => Error::Options { reason: other.to_string() },
+        })?;
+        let mut states = Vec::with_capacity(times.len());
+        let sample = |_, y: &VecState| states.push(y.0.clone());
+        let go_on = || self.tell(Progress::Step);
+        let mut held = Held::new(&**dynamics, (t, &solver.state().0), sample, go_on);
+        let reached = solver.observe::<0>(end, times.iter().copied(), [], &mut held);
+        held.kept()?;
+        self.go_on()?;
+        match reached {
+            Ok(_) => Ok((states, solver.state().0.clone())),
+            Err(error) => {
+                Err(stopped_because(info, solver.t(), &solver.state().0, why_stopped(info, &error)))
+            }
         }
-        other => Error::Options { reason: other.to_string() },
-    })?;
-    let mut states = Vec::with_capacity(times.len());
-    let mut held = Held::new(&**dynamics, t, &solver.state().0, |_, y: &VecState| states.push(y.0.clone()));
-    let reached = solver.observe::<0>(end, times.iter().copied(), [], &mut held);
-    held.kept()?;
-    match reached {
-        Ok(_) => Ok((states, solver.state().0.clone())),
-        Err(error) => Err(stopped_because(info, solver.t(), &solver.state().0, why_stopped(info, &error))),
     }
 }

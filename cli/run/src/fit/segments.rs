@@ -154,7 +154,7 @@ impl Shooting {
         let along = Along::new(motions.factory, directions, self.request.method, "fit")?;
         let end = Some(self.ends[piece + 1]);
         let leg = Leg { directions, t: self.ends[piece], rows: self.rows[piece].clone(), end };
-        leg.pass((motions.factory, &along), &self.request, params, start)
+        leg.pass((motions, &along), &self.request, params, start)
     }
 
     /// Residuals of the data on all pieces, of the priors, and of the gaps between pieces.

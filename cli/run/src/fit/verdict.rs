@@ -10,6 +10,9 @@ const SUSPICIOUS: f64 = 0.3;
 const BEYOND_ERRORS: f64 = 3.0;
 /// Correlation of residuals with those of the next row beyond which they are no errors of measurements.
 const SMOOTH: f64 = 0.5;
+/// Part of the size of values that is an error of the integration: a column that varies less, such as an energy that is
+/// kept, has this spread.
+const ROUNDING: f64 = 1e-8;
 
 /// Whether what is left of the data can be errors of measurements.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,6 +79,8 @@ impl Verdict {
             }
             let mean = cells.iter().map(|(value, _)| value).sum::<f64>() / n;
             let spread = (cells.iter().map(|(value, _)| (value - mean).powi(2)).sum::<f64>() / n).sqrt();
+            let size = (cells.iter().map(|(value, _)| value * value).sum::<f64>() / n).sqrt();
+            let spread = spread.max(ROUNDING * size);
             let rms = (cells.iter().map(|(_, r)| r * r).sum::<f64>() / n).sqrt();
             let ratio = if rms == 0.0 { 0.0 } else { rms / spread };
             left += n * ratio.min(1.0).powi(2);
@@ -141,6 +146,17 @@ mod tests {
         // Small ones are a model that is nearly right.
         let near = of(|k| 0.01 * (0.13 * k as f64).sin(), None);
         assert!(!near.is_poor && near.explained > 0.999, "{near:?}");
+    }
+
+    /// An energy that is kept: residuals of the integration are no bad fit, and a wrong level is.
+    #[test]
+    fn columns_that_do_not_vary_are_judged_by_their_size() {
+        let of = |residual: f64| {
+            let cells = (0..200).map(|k| (0.7, residual * (0.13 * k as f64).sin())).collect();
+            Verdict::of(&[super::Judged { cells, sigma: None }])
+        };
+        assert!(!of(1e-11).is_poor && of(1e-11).explained > 0.999, "{:?}", of(1e-11));
+        assert!(of(1e-3).is_poor && of(1e-3).explained < 0.5, "{:?}", of(1e-3));
     }
 
     #[test]

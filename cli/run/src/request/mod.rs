@@ -3,6 +3,7 @@
 //! Does not know: how anything is computed.
 
 mod eval;
+pub mod fit;
 pub mod fluid;
 pub mod json;
 pub mod share;

@@ -17,7 +17,8 @@ use crate::error::{Error, Problem};
 /// `NA`, `NaN`, `null`, `-`, `?`. A column of words alone has no values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
-    path: PathBuf,
+    /// Where it comes from.
+    source: Source,
     /// The names of its columns, without units.
     pub names: Vec<String>,
     /// The same as the file has them.
@@ -28,10 +29,28 @@ pub struct Table {
     rows: Vec<Row>,
 }
 
+/// Where a table comes from, for messages.
+#[derive(Clone, Debug, PartialEq)]
+enum Source {
+    /// A file, whose rows are its lines.
+    File(PathBuf),
+    /// Columns in memory, whose rows have numbers from zero on.
+    Columns(&'static str),
+}
+
+/// A column of a table in memory.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cells {
+    /// Numbers; one that is NaN lacks a value.
+    Numbers(Vec<f64>),
+    /// Words alone, of which this is the first: the column has no values.
+    Words(String),
+}
+
 /// A line of numbers, as many as there are names.
 #[derive(Clone, Debug, PartialEq)]
 struct Row {
-    /// Number of the line in the file, from one on.
+    /// Number of the line in the file, from one on; of a column in memory, from zero on.
     line: usize,
     /// Cells; none where one has no value.
     cells: Vec<Option<f64>>,
@@ -53,14 +72,7 @@ impl Table {
     pub(super) fn parse(path: &Path, text: &str) -> Result<Table, Error> {
         let sheet = Sheet::of(text);
         let (headers, units) = sheet.headers();
-        let (path, names) = (path.to_owned(), headers.clone());
-        let mut table = Table { path, names, headers, units, words: Vec::new(), rows: Vec::new() };
-        for (name, unit) in table.names.iter_mut().zip(&mut table.units) {
-            if let Some((own, text)) = unit_behind(name) {
-                *unit = Some(text);
-                *name = own;
-            }
-        }
+        let mut table = Table::with_headers(Source::File(path.to_owned()), headers, units);
         table.words = (0..table.names.len()).map(|k| words_in(&sheet, k)).collect();
         let mut problems = Vec::new();
         let mut decimal: Option<(char, usize)> = None;
@@ -94,9 +106,77 @@ impl Table {
         if problems.is_empty() { Ok(table) } else { Err(Error::Request { problems }) }
     }
 
+    /// A table of columns in memory, which messages call `what`: names, behind which a unit may stand as in files, with
+    /// cells.
+    ///
+    /// # Errors
+    /// [`Error::Request`] with columns of other lengths than the first, and with every number that is not finite.
+    pub fn of_columns(what: &'static str, columns: Vec<(String, Cells)>) -> Result<Table, Error> {
+        let (headers, columns): (Vec<String>, Vec<Cells>) = columns.into_iter().unzip();
+        let units = vec![None; headers.len()];
+        let mut table = Table::with_headers(Source::Columns(what), headers, units);
+        let length = |cells: &Cells| match cells {
+            Cells::Numbers(numbers) => Some(numbers.len()),
+            Cells::Words(_) => None,
+        };
+        let n_rows = columns.iter().find_map(length).unwrap_or_default();
+        let mut problems = Vec::new();
+        for (header, cells) in table.headers.iter().zip(&columns) {
+            if let Some(n) = length(cells).filter(|n| *n != n_rows) {
+                let reason = format!("has {n} values of {header} for {n_rows} rows: give one for each");
+                problems.push(Problem::Unusable { path: what.into(), reason });
+            }
+        }
+        let word = |cells: &Cells| match cells {
+            Cells::Numbers(_) => None,
+            Cells::Words(word) => Some((0, word.clone())),
+        };
+        table.words = columns.iter().map(word).collect();
+        if problems.is_empty() {
+            for line in 0..n_rows {
+                let value = |cells: &Cells| match cells {
+                    Cells::Numbers(numbers) => Some(numbers[line]).filter(|x| !x.is_nan()),
+                    Cells::Words(_) => None,
+                };
+                let cells: Vec<Option<f64>> = columns.iter().map(value).collect();
+                for x in cells.iter().flatten().filter(|x| !x.is_finite()) {
+                    problems.push(table.problem(line, not_a_number(&x.to_string())));
+                }
+                table.rows.push(Row { line, cells });
+            }
+        }
+        problems.truncate(MAX_PROBLEMS);
+        if problems.is_empty() { Ok(table) } else { Err(Error::Request { problems }) }
+    }
+
+    /// Without rows; units stand behind names.
+    fn with_headers(source: Source, headers: Vec<String>, units: Vec<Option<Unit>>) -> Table {
+        let names = headers.clone();
+        let mut table = Table { source, names, headers, units, words: Vec::new(), rows: Vec::new() };
+        for (name, unit) in table.names.iter_mut().zip(&mut table.units) {
+            if let Some((own, text)) = unit_behind(name) {
+                *unit = Some(text);
+                *name = own;
+            }
+        }
+        table
+    }
+
+    /// What messages call it.
+    pub fn source(&self) -> String {
+        match &self.source {
+            Source::File(path) => path.display().to_string(),
+            Source::Columns(what) => (*what).to_owned(),
+        }
+    }
+
     /// What is wrong with a line of the file.
     fn problem(&self, line: usize, reason: String) -> Problem {
-        Problem::Unusable { path: format!("{}:{line}", self.path.display()), reason }
+        let path = match &self.source {
+            Source::File(path) => format!("{}:{line}", path.display()),
+            Source::Columns(what) => format!("row {line} of {what}"),
+        };
+        Problem::Unusable { path, reason }
     }
 
     /// What is wrong with a row, counted from zero.
@@ -126,7 +206,7 @@ impl Table {
         let Some(unit) = &self.units[column] else { return Ok(None) };
         let text = unit.text();
         let refused = |reason: String| {
-            let path = format!("column {} of {}", self.names[column], self.path.display());
+            let path = format!("column {} of {}", self.names[column], self.source());
             Err(Problem::Unusable { path, reason })
         };
         match own {
@@ -225,7 +305,7 @@ mod tests {
 
     use hamel_codegen::spec::Unit;
 
-    use super::{Table, decoded};
+    use super::{Cells, Table, decoded};
 
     fn parse(text: &str) -> Result<Table, String> {
         Table::parse(Path::new("starts.csv"), text).map_err(|e| e.to_string())
@@ -293,6 +373,33 @@ mod tests {
             "\u{feff}t\tx\n0\t1.5\n0.25\t-2e-3\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
         assert_eq!(full(&decoded(wide)).unwrap(), expected);
         assert_eq!(decoded(b"x [\xb5m]".to_vec()), "x [\u{b5}m]");
+    }
+
+    /// Columns in memory are the same table, with numbers of rows in the place of lines.
+    #[test]
+    fn columns_in_memory_are_a_table() {
+        let numbers = |x: &[f64]| Cells::Numbers(x.to_vec());
+        let of = |columns: &[(&str, Cells)]| {
+            let columns = columns.iter().map(|(name, cells)| ((*name).to_owned(), cells.clone())).collect();
+            Table::of_columns("data", columns).map_err(|e| e.to_string())
+        };
+        let table =
+            of(&[("t", numbers(&[0.0, 0.25])), ("x [mm]", numbers(&[1.5, f64::NAN])), ("id", word("left"))])
+                .unwrap();
+        let file = parse("t,x [mm],id\n0,1.5,left\n0.25,,right\n").unwrap();
+        assert!(table.rows().eq(file.rows()) && table.names == file.names && table.units == file.units);
+        assert!(table.full(|_| None).unwrap_err().to_string().contains("column x of data is in mm"));
+        let message = of(&[("t", numbers(&[0.0, 0.25])), ("x", numbers(&[1.0]))]).unwrap_err();
+        assert!(message.contains("data has 1 values of x for 2 rows"), "{message}");
+        let message = of(&[("t", numbers(&[0.0, f64::INFINITY]))]).unwrap_err();
+        assert!(message.contains("row 1 of data \"inf\" is not a finite number"), "{message}");
+        let named = of(&[("t", numbers(&[0.0])), ("id", word("left"))]).unwrap();
+        let message = named.full(|_| None).unwrap_err().to_string();
+        assert!(message.contains("row 0 of data \"left\" is not a finite number"), "{message}");
+    }
+
+    fn word(text: &str) -> Cells {
+        Cells::Words(text.to_owned())
     }
 
     #[test]

@@ -171,6 +171,11 @@ impl<'a> Parser<'a> {
                 "conditions stand after `where` or in `require`, equations in `constraint`".into()
             }
             (Some((punct, _)), _) if punct.as_char() == '?' => names::not_smooth("if").unwrap_or_default(),
+            // A doc comment begins the next item.
+            (Some((punct, _)), _) if punct.as_char() == '#' => "every item ends with `;`".into(),
+            (Some((punct, _)), _) if punct.as_char() == '.' => {
+                "a number has one point, before its decimals: `9.81`".into()
+            }
             (Some(_), _) => "the operators are `+`, `-`, `*`, `/` and `^`".into(),
             (None, Some(word)) if !names::is_item(&word) => form.unwrap_or_default(),
             _ => "every item ends with `;`".into(),
