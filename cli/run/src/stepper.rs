@@ -153,14 +153,14 @@ impl<'a> Stepper<'a> {
         let info = self.factory.info();
         let moved = moved.and_then(|()| match &*system {
             Some(system) => {
-                let (method, from) = (self.method.of_scenes(), (t, y.to_vec()));
+                let method = self.method.of_scenes();
                 self.advance(system, method, rest, (t, y), &mut |solver, end| {
                     if !self.is_held {
                         return Ok(solver.integrate_to(end)?);
                     }
                     let mut held = Held::new(
                         &**system,
-                        (from.0, &from.1),
+                        (t, &solver.state().0),
                         |_, _: &VecState| {},
                         || ControlFlow::Continue(()),
                     );

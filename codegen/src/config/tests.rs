@@ -28,7 +28,7 @@ fn warnings_are_for_cargo_only_when_asked_and_never_beside_errors() {
         " --> spring.hamel:1:22",
         "  |",
         "1 | model spring { param m = 2 where m > 0;",
-        "  |                      ^",
+        "  |                      ^ nothing mentions it",
         "  |",
         "  = help: remove it, or use it in the Lagrangian, a constraint, a force or an output",
     ];
