@@ -139,6 +139,19 @@ model planar {
 }
 ";
 
+/// Scenes that fail by one problem say it once, and others say theirs.
+#[test]
+fn a_problem_of_all_scenes_is_told_once() {
+    let folder = scratch("check_scenes");
+    let text = "model m { coordinate x, q, p in real; lagrangian = x_dot^2/2 + x_dot^4 + p*q_dot - p^2; momentum P of x_dot; \
+                scene first { carry P; want rhs; } scene second { carry P; want rhs, energy; } \
+                scene third { want rhs, dirac; } }";
+    std::fs::write(folder.join("m.hamel"), text).unwrap();
+    let (status, _, err) = try_run(&folder, &["check", "m.hamel", "--derive"], "");
+    assert_eq!((status, err.matches("not quadratic in the velocities").count()), (2, 1), "{err}");
+    assert!(err.contains("the Lagrangian gives velocities that no constraint restricts"), "{err}");
+}
+
 /// A reduced model names the file that it was made from, from the folder that it is in, and `check` holds it to that.
 #[test]
 fn a_reduced_model_is_held_to_the_file_that_it_was_made_from() {

@@ -2,6 +2,7 @@
 //!
 //! Does not know: what can be wrong.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use clap::Args;
@@ -198,8 +199,11 @@ fn check(file: &ModelFile<'_>, derive: bool) -> Result<Option<(Diagnostics, Vec<
     let model = file.checked()?;
     let steps = file.quotients()?;
     if derive {
-        let failed = model.scene_names().iter().filter_map(|scene| model.derive(scene).err()).collect();
-        Error::all_of(failed)?;
+        // Scenes that fail by the same problem say it once.
+        let mut told = BTreeSet::new();
+        let scenes = model.scene_names();
+        let failed = scenes.iter().filter_map(|scene| model.derive(scene).err());
+        Error::all_of(failed.filter(|error| told.insert(error.to_string())).collect())?;
     }
     Ok(Some((model.warnings.clone(), steps)))
 }

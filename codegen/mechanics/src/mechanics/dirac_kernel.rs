@@ -69,7 +69,11 @@ impl DiracKernel {
         }
         let forms = annihilator(g, system);
         if forms.len() + n_columns != n {
-            return Err(refused("a velocity that parametrises constraints is in more than two of them"));
+            let is_parametrised = system.unknowns.iter().any(|u| u.frame_idx.is_none());
+            return Err(refused(match is_parametrised {
+                true => "a velocity that parametrises constraints is in more than two of them",
+                false => "the Lagrangian gives velocities that no constraint restricts",
+            }));
         }
         let momenta = equations.outputs.iter().find(|o| o.kind == OutputKind::Group(Want::Momentum));
         let momenta: Vec<ExprId> =
