@@ -1,7 +1,12 @@
 //! Matrices of reduced Dirac structures: motions by hand are in them, wrong ones are found.
 
+use std::collections::BTreeMap;
+
 use hamel_codegen::scene::{self, Made, build_tampered};
 use hamel_codegen::spec;
+use hamel_expr::SymbolId;
+use hamel_mechanics::mechanics::DiracStructure;
+use hamel_mechanics::reduction::{Formulation, reduce};
 use hamel_program::program::{Constant, Instruction, Op, Operand, Program, Role};
 
 const TOP: &str = "model top {
@@ -170,5 +175,26 @@ fn structures_without_matrices_are_refused() {
         let model = spec::parse("m.hamel", &text).unwrap_or_else(|e| panic!("{e}"));
         let problem = scene::build(&model, "a").map(|_| ()).unwrap_err().to_string();
         assert!(problem.contains(reason), "{problem}");
+    }
+}
+
+/// For people: displacements of the board are along its motions, whatever the velocity of its own is.
+#[test]
+fn displacements_along_a_velocity_of_their_own_are_told() {
+    let model = spec::parse("m.hamel", BOARD).unwrap_or_else(|e| panic!("{e}"));
+    let system = reduce(&model, &Formulation::of(&model)).unwrap_or_else(|e| panic!("{e}"));
+    let found = DiracStructure::new(&system);
+    assert!(found.has_own_velocities);
+    let (phi, r) = (0.7_f64, 0.6);
+    let mut values: BTreeMap<SymbolId, f64> = found.eta.iter().copied().zip([0.0; 5]).collect();
+    values.extend([(model.base[1].symbol, phi), (model.params[1].symbol, r)]);
+    let mut size = |eta: [f64; 5]| -> f64 {
+        values.extend(found.eta.iter().copied().zip(eta));
+        let residuals = found.annihilator.iter().map(|e| found.graph.eval_f64(*e, &values).unwrap().abs());
+        residuals.fold(0.0, f64::max)
+    };
+    assert!(size([0.3, -0.2, phi.sin() * 1.1, -r * phi.cos() * 1.1, 0.0]) < 1e-15);
+    for wrong in [[0.0, 0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0, 1.0]] {
+        assert!(size(wrong) > 0.1, "{wrong:?}");
     }
 }

@@ -138,8 +138,8 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Mem
         let noise = noise_of(factory.info(), request, &times)?;
         // What a scene can do depends on the scene alone, but takes parameters that are allowed.
         let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
-        let rank = any.as_ref().and_then(|(dynamics, y)| Rank::new(&**dynamics, 0.0, y));
-        if request.watched.is_some() || rank.is_some() {
+        let is_held = any.as_ref().is_some_and(|(dynamics, y)| Rank::may_be_lost(&**dynamics, y));
+        if request.watched.is_some() || is_held {
             let scenes = Scenes { factory, cancel: request.cancel.clone(), noise };
             return Ok(one_by_one(&scenes, request, (&times, &progress)));
         }

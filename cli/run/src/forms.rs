@@ -56,7 +56,8 @@ impl Slot {
     }
 }
 
-/// Values that differ by more are two, in parts of their size.
+/// Values that differ by more are two, in parts of their size: a start meets constraints to some 1e-12, and levels
+/// follow from velocities by a few more roundings.
 const DIFFERENT: f64 = 1e-9;
 
 /// What each slot holds, in the order of the slots.

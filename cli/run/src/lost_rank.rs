@@ -23,7 +23,8 @@ use crate::error::Error;
 /// Parts of a step in which the direction is followed where its ends say that it has turned, at least.
 const PARTS: u32 = 16;
 
-/// So far a coordinate moves on a part: an angle that turns a direction round does so in many of them.
+/// So far a coordinate moves on a part that rows depend on: an angle that turns a direction round does so in many of
+/// them.
 const PART: f64 = 0.25;
 
 /// Parts of a step, at most.
@@ -83,6 +84,8 @@ pub(super) struct Rank {
     rows: Vec<VecState>,
     /// The greatest length of each row on the way.
     longest: Vec<f64>,
+    /// Components of the state that rows depend on.
+    moving: Vec<usize>,
 }
 
 impl Rank {
@@ -97,7 +100,22 @@ impl Rank {
         };
         let rows = of.at(dynamics, t, y);
         let longest = rows.iter().map(|row| length(&row.0)).collect();
-        Some(Rank { of, t, y: y.to_vec(), rows, longest })
+        // At a place of no symmetry, where nothing hides that rows depend on a component.
+        let beside: Vec<f64> = y.iter().enumerate().map(|(k, y)| y + 0.1 * (k as f64 + 1.0).sqrt()).collect();
+        let there = of.at(dynamics, t, &beside);
+        let depend = |k: &usize| {
+            let mut moved = beside.clone();
+            moved[*k] += PART;
+            of.at(dynamics, t, &moved) != there
+        };
+        let moving = (0..y.len()).filter(depend).collect();
+        Some(Rank { of, t, y: y.to_vec(), rows, longest, moving })
+    }
+
+    /// Whether a motion of a scene may lose a rank, whatever its start is.
+    pub(super) fn may_be_lost(dynamics: &dyn Dynamics, y: &[f64]) -> bool {
+        !dynamics.constraint_rows(0.0, y).is_empty()
+            || dynamics.positions().is_some_and(|p| p.n_equations > 0)
     }
 
     /// That the rank is lost on the way to a state.
@@ -168,13 +186,7 @@ impl Rank {
 
     /// Parts of the way to a state in which the direction is followed, so that it cannot turn round and back unseen.
     fn parts(&self, next: &[VecState], y: &[f64]) -> u32 {
-        let reads = |k: usize| self.rows.iter().chain(next).any(|row| row.0[k] != 0.0);
-        let is_coordinate = |k: &usize| match self.of {
-            Rows::Positions(..) => reads(*k),
-            Rows::Constraints(_) => !reads(*k),
-        };
-        let moved = |k: usize| (y[k] - self.y[k]).abs();
-        let farthest = (0..y.len()).filter(is_coordinate).map(moved).fold(0.0, f64::max);
+        let farthest = self.moving.iter().map(|k| (y[*k] - self.y[*k]).abs()).fold(0.0, f64::max);
         let parts = (farthest / PART).min(MAX_PARTS) as u32;
         if is_turned(&self.rows, next) { parts.max(PARTS) } else { parts }
     }

@@ -13,7 +13,7 @@ use super::auto::Purpose;
 use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
 use super::evaluate::{prepare, refused, why_stopped};
 use super::integrate::has_state;
-use super::lost_rank::Held;
+use super::lost_rank::{Held, Rank};
 use super::method::{MethodName, Steps};
 use super::solver::method_of;
 use crate::error::Error;
@@ -104,7 +104,7 @@ impl<'a> Stepper<'a> {
         let start = vec![0.0; factory.info().state.len()];
         let method = method_of(method, steps, Purpose::Ensemble, &*dynamics, &start)?;
         Method::<f64, PreparedScene<'a>>::validate(&method.of_scenes(), &options).map_err(invalid)?;
-        let is_held = !dynamics.constraint_rows(0.0, &start).is_empty();
+        let is_held = Rank::may_be_lost(&*dynamics, &start);
         Ok(Stepper { factory, params: params.to_vec(), method, options, dt, is_held })
     }
 

@@ -90,7 +90,7 @@ pub struct Found {
 /// The ends of an interval.
 ///
 /// # Errors
-/// Its mistake, behind the name that it is called by.
+/// Its mistake, as the end of a sentence that begins with its name.
 pub fn ends(given: [f64; 2]) -> Result<[f64; 2], String> {
     let is_interval = given[0] < given[1];
     if is_interval { Ok(given) } else { Err("is empty: give the smaller number first".into()) }

@@ -73,7 +73,8 @@ fn is_homogeneous(g: &mut Graph, row: &AccelerationRow, velocities: &[SymbolId])
 /// only parametrise constraints.
 ///
 /// A displacement has `a_A eta + q_A s = 0` for some `s`, that is, `q_B a_A eta = q_A a_B eta` for all pairs; one pair
-/// with each `A` is enough where `q_B` is a number. Of a solved constraint `q_A` is `-a_A W_s`, with the column of `s`.
+/// with each `A` is enough where `q_B` is a number. Where all `q` of a pair vanish its form does, too. Of a solved
+/// constraint `q_A` is `-a_A W_s`, with the column of `s`.
 pub(super) fn annihilator(g: &mut Graph, system: &ReducedSystem) -> Vec<Vec<ExprId>> {
     let solved = match &system.constraint {
         KinematicConstraint::Multipliers { reactions, .. } => return reactions.clone(),

@@ -27,7 +27,7 @@ use hamel_lang::spec::Want;
 use super::dirac::annihilator;
 use super::equations::{Equations, OutputKind};
 
-/// The matrices `F` of flows and `E` of efforts, row after row, with names.
+/// The matrices `F` of flows and `E` of efforts, `[2 n][2 n]` for `n` velocities, row after row, with names.
 #[derive(Clone, Debug)]
 pub struct DiracKernel {
     /// `flow_1_Omega1`, .., along velocities, and `flow_1_p_Omega1`, .., along the rates of momenta.
@@ -51,12 +51,11 @@ impl DiracKernel {
                 "the frame of the velocities moves with the time, so that momenta change by themselves",
             ));
         }
-        let identity = |g: &Graph| -> Vec<Vec<ExprId>> {
-            (0..n).map(|i| (0..n).map(|j| if i == j { g.one() } else { g.zero() }).collect()).collect()
-        };
+        let identity: Vec<Vec<ExprId>> =
+            (0..n).map(|i| (0..n).map(|j| if i == j { g.one() } else { g.zero() }).collect()).collect();
         let displacements = match &system.constraint {
             KinematicConstraint::Solved(solved) => solved.virtual_displacements.clone(),
-            KinematicConstraint::Multipliers { reactions, .. } if reactions.is_empty() => identity(g),
+            KinematicConstraint::Multipliers { reactions, .. } if reactions.is_empty() => identity.clone(),
             KinematicConstraint::Multipliers { .. } => {
                 return Err(refused("multipliers keep constraints, and nothing spans the displacements"));
             }
@@ -103,16 +102,12 @@ impl DiracKernel {
             }
         }
         let zeros = vec![g.zero(); n];
-        let unit = |g: &Graph, k: usize| -> Vec<ExprId> {
-            (0..n).map(|j| if j == k { g.one() } else { g.zero() }).collect()
-        };
         let (mut flows, mut efforts) = (Vec::new(), Vec::new());
         for form in forms {
             flows.push([form, zeros.clone()].concat());
             efforts.push([zeros.clone(), zeros.clone()].concat());
         }
-        for k in 0..n {
-            let unit = unit(g, k);
+        for unit in identity {
             let minus = unit.iter().map(|e| g.neg(*e)).collect();
             flows.push([minus, zeros.clone()].concat());
             efforts.push([zeros.clone(), unit].concat());
