@@ -217,7 +217,11 @@ fn every_mistake_is_shown_with_its_place_and_its_cure() {
                 "models has kite.hamel, loop.hamel, suslov_gyrostat.hamel",
             ],
         ),
-        (".scenes(\"suslov_gyrostat\", [\"smal\"])", "suslov_gyrostat", ["has no scene smal", "scenes: default, small"]),
+        (
+            ".scenes(\"suslov_gyrostat\", [\"smal\"])",
+            "suslov_gyrostat",
+            ["has no scene smal", "scenes: default, small"],
+        ),
     ] {
         std::fs::write(&script, build(scenes, file)).unwrap();
         let message = shown(&package);
