@@ -56,7 +56,7 @@ fn fused(function: &Function, program: &Program, additions: &mut Additions) -> F
     vanished.iter().filter_map(|o| position(*o)).for_each(|v| n_uses[v] -= 2);
     let is_fused = fused_products(old, &sums, &n_uses);
 
-    let mut fusion = Fusion { values: vec![None; old.len()], ..Fusion::default() };
+    let mut fusion = Fusion::new(old.len(), program, additions);
     for (k, Instruction { op, section, name }) in old.iter().enumerate() {
         fusion.section = *section;
         let value = match (*op, &sums[k]) {
@@ -220,8 +220,9 @@ struct Term {
 }
 
 /// The new instructions of a function, and what stands for the old ones.
-#[derive(Default)]
 struct Fusion<'a> {
+    program: &'a Program,
+    additions: &'a mut Additions,
     /// With the name of the definition; what sums have taken up has none.
     values: Vec<Option<(Signed, Option<&'a str>)>>,
     new: Vec<Instruction>,
@@ -230,7 +231,12 @@ struct Fusion<'a> {
     section: u32,
 }
 
-impl Fusion<'_> {
+impl<'a> Fusion<'a> {
+    fn new(n: usize, program: &'a Program, additions: &'a mut Additions) -> Fusion<'a> {
+        let (new, ready, index) = Default::default();
+        Fusion { program, additions, values: vec![None; n], new, ready, index, section: 0 }
+    }
+
     fn read(&self, old: Operand) -> Signed {
         let value = position(old).map(|v| self.values[v].expect("taken up by sums alone").0);
         value.unwrap_or(Signed { negative: false, operand: old })
@@ -248,9 +254,15 @@ impl Fusion<'_> {
         operand
     }
 
+    /// The value of an operation: of the part that runs once where a sum has become a number, and its user with it.
     fn push(&mut self, op: Op) -> Operand {
         if let Some(known) = self.index.get(&op) {
             return *known;
+        }
+        if op.operands().all(is_fixed) {
+            let op = op.map(|o| self.additions.in_prepare(self.program, o));
+            let value = self.additions.value(self.program, op);
+            return self.additions.slot(self.program, value);
         }
         let start = op.operands().map(|o| self.ready_at(o)).max().unwrap_or(0);
         let value = operand(self.new.len());
@@ -301,6 +313,11 @@ impl Fusion<'_> {
     /// bound `(n - 1) u sum |x_i|` of summing `n` terms one by one does not depend on it (Higham, Accuracy and
     /// Stability of Numerical Algorithms, section 4.2), and each fused term rounds once less.
     fn sum(&mut self, mut terms: Vec<Term>) -> Signed {
+        for term in &mut terms {
+            if let Some(b) = term.b.filter(|b| is_fixed(*b) && is_fixed(term.a)) {
+                (term.a, term.b) = (self.push(Op::Mul(term.a, b)), None);
+            }
+        }
         let start_first = |mut terms: Vec<Term>| {
             let start = terms.iter().position(|t| t.b.is_none()).unwrap_or(0);
             terms[..=start].rotate_right(1);
@@ -341,14 +358,21 @@ mod tests {
 
     #[test]
     fn opposites_that_meet_in_one_sum_vanish() {
-        // (x y - z) - x y = -z and x y - x y = 0, as they stand where definitions have been put into one another.
-        let [xy, difference] = [Operand::Value(0), Operand::Value(1)];
+        // (x y - z) - x y = -z and x y - x y = 0, as they stand where definitions have been put into one another. With
+        // a parameter for z, that product and sums with parameters are of the part that runs once.
+        let [xy, difference, left, twice] = [0, 1, 2, 3].map(Operand::Value);
         let [x, y, z] = [0, 1, 2].map(Operand::State);
+        let [p, q] = [0, 1].map(Operand::Param);
         let product = Op::Mul(x, y);
-        let state = [0.9, 1.6, 0.35];
+        let (state, params) = ([0.9, 1.6, 0.35], [0.6, 1.7]);
+        let number = [product, Op::Sub(xy, p), Op::Sub(difference, xy), Op::Mul(left, q)];
+        let with = |ops: &[Op]| [number.as_slice(), ops].concat();
         let cases = [
-            (vec![product, Op::Sub(xy, z), Op::Sub(difference, xy)], Operand::Value(2), -state[2], 1),
-            (vec![product, Op::Sub(xy, xy)], Operand::Value(1), 0.0, 0),
+            (vec![product, Op::Sub(xy, z), Op::Sub(difference, xy)], left, -state[2], 1),
+            (vec![product, Op::Sub(xy, xy)], difference, 0.0, 0),
+            (with(&[]), twice, -params[0] * params[1], 0),
+            (with(&[Op::Add(twice, z)]), Operand::Value(4), state[2] - params[0] * params[1], 1),
+            (with(&[Op::Sub(q, twice)]), Operand::Value(4), params[1] + params[0] * params[1], 0),
         ];
         for (ops, result, value, n) in cases {
             let function = Function {
@@ -360,7 +384,7 @@ mod tests {
                 ..Function::default()
             };
             let mut program = Program {
-                params: Vec::new(),
+                params: ["p", "q"].map(String::from).to_vec(),
                 time: "t".into(),
                 inputs: Vec::new(),
                 state: ["x", "y", "z"].map(String::from).to_vec(),
@@ -374,7 +398,8 @@ mod tests {
             fuse(&mut program);
             assert_eq!(program.functions[0].instructions.len(), n);
             let mut out = [f64::NAN];
-            program.run(0, &[], &[], 0.4, &state, &mut out);
+            let prepared = program.prepare(&params).unwrap();
+            program.run(0, &params, &prepared, 0.4, &state, &mut out);
             assert_eq!(out, [value]);
         }
     }
