@@ -18,6 +18,7 @@ mod calculus;
 mod construct;
 mod definition;
 mod expand;
+mod extension;
 mod factors;
 mod field;
 mod fingerprint;

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use rustc_hash::FxHashMap;
 
 use super::arena::Arena;
-use super::field;
+use super::field::{self, Point};
 use super::fingerprint::{has_even_denominator, is_character};
 use super::graph::Graph;
 use super::knowledge::{Base, Doubts, FURTHER, POINTS, Signs, UnknownSign, Vanishing};
@@ -144,9 +144,12 @@ impl Graph {
                 self.further_verdict(difference) == Vanishing::Zero
             }
             Some(false) => false,
+            // Behind roots few points are valid.
             None => match (self.arena.further_values(a), self.arena.further_values(b)) {
-                // Behind roots few points are valid.
-                (Some(x), Some(y)) => agreement(&x, &y) == Some(true),
+                (Some(x), Some(y)) => agreement(&x, &y).unwrap_or_else(|| {
+                    let [a, b] = [a, b].map(|e| self.arena.extended_values(e).unwrap_or_default());
+                    agreement(&a, &b) == Some(true)
+                }),
                 _ => false,
             },
         }
@@ -174,8 +177,13 @@ impl Graph {
             }
             let Some(values) = self.arena.further_values(e) else { return Vanishing::Unknown };
             let first = self.arena.fingerprint(e).iter().flatten();
-            let all: Vec<u64> = first.copied().chain(values.into_iter().flatten()).collect();
-            return match (all.iter().any(|v| *v != 0), doubts.opaque) {
+            let all = first.copied().chain(values.into_iter().flatten());
+            let mut all: Vec<Point> = all.map(|value| (value, 0)).collect();
+            // Behind many roots few points are valid.
+            if all.len() < ENOUGH && all.iter().all(|value| *value == (0, 0)) {
+                all.extend(self.arena.extended_values(e).into_iter().flatten().flatten());
+            }
+            return match (all.iter().any(|value| *value != (0, 0)), doubts.opaque) {
                 (true, false) => Vanishing::NonZero,
                 (true, true) => Vanishing::Unknown,
                 (false, _) if all.len() >= ENOUGH => Vanishing::Zero,
@@ -324,7 +332,7 @@ pub(super) fn independent(rows: impl Iterator<Item = Vec<u64>>) -> Vec<usize> {
 }
 
 /// Whether values are equal wherever both exist; none where that is at one point at most and they are.
-fn agreement(a: &[Option<u64>], b: &[Option<u64>]) -> Option<bool> {
+fn agreement<T: Copy + PartialEq>(a: &[Option<T>], b: &[Option<T>]) -> Option<bool> {
     let equal: Vec<bool> = a.iter().zip(b).filter_map(|(x, y)| Some((*x)? == (*y)?)).collect();
     match equal.iter().all(|equal| *equal) {
         false => Some(false),

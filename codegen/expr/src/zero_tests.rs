@@ -178,6 +178,33 @@ fn verdict(text: &str) -> Vanishing {
     fixture.g.vanishing(e)
 }
 
+/// At one point of the field in `2^15` all of the roots are there.
+#[test]
+fn functions_of_many_roots_are_told_apart() {
+    let sum = |of: &dyn Fn(&str) -> String| {
+        let terms: Vec<String> = (1..=15).map(|k| of(&format!("sqrt(x + {k}*y)"))).collect();
+        terms.join(" + ")
+    };
+    let roots = sum(&|d| d.to_owned());
+    let nested = sum(&|d| format!("sqrt(1 + {d})"));
+    let square = format!("(1 + w*({roots}))^2");
+    for (text, expected) in [
+        (format!("({square} - 1)*sin(z) - (2 + w*({roots}))*w*({roots})*sin(z)"), Vanishing::Zero),
+        (format!("{square} - 1 - (2 - w*({roots}))*w*({roots})"), Vanishing::NonZero),
+        (
+            format!("({reciprocals})*({roots}) - ({cubes})*({roots}) + sqrt(x + 3*y)*sin(w)"),
+            Vanishing::NonZero,
+        ),
+        (format!("({nested} - w)*({nested} + w) - ({nested})^2 + w^2"), Vanishing::Zero),
+        (format!("({nested} - w)*({nested} + w) - ({nested})^2 + w"), Vanishing::NonZero),
+    ] {
+        let mut fixture = Text::new(&["x", "y", "z", "w"]);
+        let e = fixture.read(&text);
+        assert_eq!(fixture.g.first_verdict(e), Vanishing::Unknown, "{text}");
+        assert_eq!(fixture.g.further_verdict(e), expected, "{text}");
+    }
+}
+
 #[test]
 fn identities_vanish() {
     let identities = [
