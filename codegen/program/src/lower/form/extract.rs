@@ -28,11 +28,11 @@ pub(super) use site::Site;
 /// In longer polynomials only terms this close to one another are paired.
 const WINDOW: usize = 48;
 
-/// A factor of a monomial: a number, or an atom or its reciprocal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+/// A factor of a monomial: a number, or an atom, its reciprocal, or a root of one of these.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Literal {
     Number(u32),
-    Atom(u32, bool),
+    Atom(u32, Exponent),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -381,9 +381,6 @@ impl Pass<'_> {
                     [(b, 1)] if *n == 1 => (*a, *b),
                     _ => return None,
                 };
-                if m.iter().any(|(_, q)| !q.is_whole()) {
-                    return None;
-                }
                 (Divisor::Product(pair.0, pair.1), Coefficient::ONE.signed_by(c.negative))
             }
             _ => return None,
@@ -544,7 +541,7 @@ impl Pass<'_> {
                 for literal in [a, b] {
                     match literal {
                         Literal::Number(number) => c = Coefficient { negative: false, number: *number },
-                        Literal::Atom(atom, positive) => m = times(&m, &unit(*atom, *positive)),
+                        Literal::Atom(atom, q) => m = times(&m, &power(*atom, *q)),
                     }
                 }
                 vec![(m, c)]
@@ -563,7 +560,7 @@ impl Pass<'_> {
             Known::One => (Monomial::new(), Coefficient::ONE),
             Known::Entry { k, scale } => {
                 let atom = self.system.atom_of(Atom::Poly(k as u32));
-                (unit(atom, true), scale)
+                (power(atom, Exponent::ONE), scale)
             }
         };
         for o in hits {
@@ -579,7 +576,7 @@ impl Pass<'_> {
                     for literal in [a, b] {
                         match literal {
                             Literal::Number(_) => c = Coefficient::ONE.signed_by(c.negative),
-                            Literal::Atom(atom, positive) => rest = times(&rest, &unit(*atom, !positive)),
+                            Literal::Atom(atom, q) => rest = times(&rest, &power(*atom, -*q)),
                         }
                     }
                     (rest, c)
@@ -596,16 +593,19 @@ impl Pass<'_> {
     }
 }
 
-fn unit(atom: u32, positive: bool) -> Monomial {
-    power(atom, Exponent::whole(if positive { 1 } else { -1 }))
-}
-
 /// Literals of a term and how often each occurs.
 fn literals(m: &Monomial, c: Coefficient) -> Vec<(Literal, i64)> {
     let number = (!c.is_unit()).then_some((Literal::Number(c.number), 1));
-    let atoms = m.iter().filter_map(|(atom, q)| {
-        let n = q.truncated().abs();
-        (n > 0).then_some((Literal::Atom(*atom, q.is_positive()), i64::from(n)))
-    });
-    number.into_iter().chain(atoms).collect()
+    let mut literals: Vec<(Literal, i64)> = number.into_iter().collect();
+    for (atom, q) in m {
+        let whole = Exponent::whole(q.truncated());
+        if !whole.is_zero() {
+            let one = Exponent::whole(if q.is_positive() { 1 } else { -1 });
+            literals.push((Literal::Atom(*atom, one), i64::from(q.truncated().abs())));
+        }
+        if !q.is_whole() {
+            literals.push((Literal::Atom(*atom, *q - whole), 1));
+        }
+    }
+    literals
 }
