@@ -3,15 +3,18 @@
 use std::collections::BTreeMap;
 
 use hamel_codegen::scene::{self, BuiltScene};
-use hamel_codegen::spec::{self, Model, Rational, SymbolId};
+use hamel_codegen::spec::{self, Model, Rational, Severity, SymbolId};
 
 fn told(items: &str) -> Option<String> {
     spec::parse("m.hamel", &format!("model m {{\n{items}\n}}")).err().map(|problems| problems.to_string())
 }
 
+/// A model that is accepted: all that is told beside it are warnings.
 fn parsed(items: &str) -> Model {
-    spec::parse("m.hamel", &format!("model m {{\n{items}\n}}"))
-        .unwrap_or_else(|problems| panic!("{problems}"))
+    let model = spec::parse("m.hamel", &format!("model m {{\n{items}\n}}"))
+        .unwrap_or_else(|problems| panic!("{problems}"));
+    assert!(model.warnings.iter().all(|told| told.severity == Severity::Warning), "{}", model.warnings);
+    model
 }
 
 fn built(model: &Model) -> BuiltScene {

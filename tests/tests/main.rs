@@ -43,6 +43,7 @@ mod properties_errors;
 mod properties_motion;
 mod properties_stages;
 mod properties_structure;
+mod published;
 mod reference;
 mod rolled;
 mod routh;

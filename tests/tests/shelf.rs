@@ -208,10 +208,13 @@ fn a_tippe_top_turns_over() {
 /// A model that nothing is held to is not on the shelf.
 #[test]
 fn every_model_of_the_shelf_is_checked() {
-    let checks = include_str!("shelf.rs");
+    let (own, published) = (include_str!("shelf.rs"), include_str!("published.rs"));
     let names = models::names_on_shelf();
     assert!(!names.is_empty());
     for name in names {
-        assert!(checks.contains(&format!("(\"{name}\", &[")), "{name} has no check");
+        let is_checked = own.contains(&format!("(\"{name}\", &["))
+            || published.contains(&format!("reaches(\"{name}\", "))
+            || published.contains(&format!("reached(\"{name}\", "));
+        assert!(is_checked, "{name} has no check");
     }
 }
