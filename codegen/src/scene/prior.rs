@@ -144,7 +144,8 @@ impl Prior {
                     let round = n_velocities / SIZES.len();
                     let size = SIZES[n_velocities % SIZES.len()] / (1.0 + 0.37 * round as f64);
                     n_velocities += 1;
-                    if self.is_silent { size + shift } else { size * shift }
+                    // Zero, and not minus zero, at the first attempt.
+                    if self.is_silent { size + shift } else { size * shift + 0.0 }
                 }
             }
         };
