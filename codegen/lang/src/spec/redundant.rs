@@ -75,7 +75,7 @@ pub(super) fn leave_out(model: &mut Model) -> Option<Diagnostic> {
                 let message = format!("`{text}` follows from the {n_others} other equations: it is left out");
                 let help = "the motion keeps it, and it has no multiplier: reactions of the others are one choice of many \
                             that give this motion";
-                told.push(Diagnostic::new(constraint.span, message).with_help(help));
+                told.push(Diagnostic::warning(constraint.span, message).with_help(help));
                 if let Some(PositionEquation { residual, .. }) = constraint.position {
                     model.implied.push(Implied { text, residual, at, span: constraint.span });
                 }

@@ -179,7 +179,8 @@ impl ModelBuilder {
             };
             if self.graph.is_zero(*e) {
                 if n > 1 && self.is_between_positions([&left, &right]) {
-                    let told = Diagnostic::new(draft.span, format!("{place} always holds: it is left out"));
+                    let told =
+                        Diagnostic::warning(draft.span, format!("{place} always holds: it is left out"));
                     self.left_out.push(told.with_help("write the other components alone"));
                     continue;
                 }
