@@ -19,7 +19,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::field::{Point, Variable};
-use super::search::{Equations, Linear, Quantity, Solvable};
+use super::search::{Equations, Linear, Quantity, Solvable, Svd};
 use super::symmetry::Symmetry;
 
 /// The state that a motion reaches after a time, and its derivatives by the initial state where they are asked for;
@@ -69,17 +69,36 @@ struct Admissible<'a> {
 
 /// The nearest state that keeps the equations between coordinates and the constraints.
 pub(super) fn admissible(equations: &Equations<'_>, at: &Point) -> Option<Point> {
-    let is_needed = |quantity: &Quantity| matches!(quantity, Quantity::Position(_) | Quantity::Residual(_));
-    let conditions: Vec<_> = equations.held.iter().copied().filter(|(own, _)| is_needed(own)).collect();
-    if conditions.is_empty() {
-        return Some(at.clone());
-    }
-    let found =
-        Admissible { equations, at, conditions }.solve(&DVector::from_column_slice(&at.y), &[]).ok()?;
+    let y = DVector::from_column_slice(&at.y);
+    let found = match Admissible::new(equations, at) {
+        Some(conditions) => conditions.solve(&y, &[]).ok()?,
+        None => y,
+    };
     Some(Point { y: found.iter().copied().collect(), ..at.clone() })
 }
 
-impl Admissible<'_> {
+/// The derivative of [`admissible`] by the state, at one that keeps the conditions: a projection.
+fn projection(equations: &Equations<'_>, at: &Point) -> Option<DMatrix<f64>> {
+    let y = DVector::from_column_slice(&at.y);
+    let mut matrix = DMatrix::identity(y.len(), y.len());
+    if let Some(conditions) = Admissible::new(equations, at) {
+        let slopes = Svd::new(&conditions.linear(&y)?.jacobian)?;
+        for mut column in matrix.column_iter_mut() {
+            let allowed = slopes.null_part(&column.clone_owned());
+            column.copy_from(&allowed);
+        }
+    }
+    Some(matrix)
+}
+
+impl<'a> Admissible<'a> {
+    /// Nothing where there are no conditions.
+    fn new(equations: &'a Equations<'a>, at: &'a Point) -> Option<Admissible<'a>> {
+        let is_needed = |own: &Quantity| matches!(own, Quantity::Position(_) | Quantity::Residual(_));
+        let conditions: Vec<_> = equations.held.iter().copied().filter(|(own, _)| is_needed(own)).collect();
+        (!conditions.is_empty()).then_some(Admissible { equations, at, conditions })
+    }
+
     fn point(&self, y: &DVector<f64>) -> Point {
         Point { y: y.iter().copied().collect(), ..self.at.clone() }
     }
@@ -140,7 +159,9 @@ impl Solvable for Orbit<'_> {
         let Equations { field, symmetries, .. } = self.equations;
         let at = self.equations.point(&inner);
         let n = at.y.len();
-        let (reached, flow) = (self.flow)(&admissible(self.equations, &at)?, t, true)?;
+        let start = admissible(self.equations, &at)?;
+        let (reached, flow) = (self.flow)(&start, t, true)?;
+        let flow = flow * projection(self.equations, &start)?;
         let residual = self.residual_at(&inner, t, &reached)?;
         let drifts = self.equations.drifts(&inner);
         let (turned, _) = drifted(symmetries, &drifts, t, n);
