@@ -252,9 +252,9 @@ impl Graph {
     }
 
     /// Brings absolute values beside powers of their arguments to one form: `|a|^p` for even `p` is `a^p`, and
-    /// `|a|^p a^m` for other `p` is `|a|^(p + m - n) a^n` with `n = 0` for even `m`, otherwise 1, or -1 where `|a|`
-    /// would be in the denominator. So `|a|^3/a` is `|a| a`, which has a value at `a = 0`. What is to be multiplied
-    /// with the factors is returned.
+    /// `|a|^p a^m` for other `p` is `|a|^(p + m - n) a^n`, with `n = 0` for even `m`, and otherwise 1, or -1 for
+    /// `p + m < 1`. So `|a|^3/a` is `|a| a`, which has a value at `a = 0`. The signs `|a|/a` and `a/|a|` stay as they
+    /// are. The factors that are left to multiply are returned.
     fn fold_absolute_values(&mut self, merged: &mut BTreeMap<ExprId, Rational>) -> Vec<(ExprId, Rational)> {
         let argument = |e: &ExprId| match self.node(*e) {
             Node::Function(Func::Abs, a) => Some((*e, *a)),
@@ -278,6 +278,7 @@ impl Graph {
             let kept = match &p + &m {
                 _ if is_even(&m) => Rational::zero(),
                 total if total >= Rational::one() => Rational::one(),
+                _ if m.abs().is_one() => m.clone(),
                 _ => -Rational::one(),
             };
             // base^d = |a|^d c^-d for even d.
