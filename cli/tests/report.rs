@@ -34,6 +34,24 @@ fn report(arguments: &[&str], output: &Path) -> String {
     std::fs::read_to_string(output).unwrap()
 }
 
+/// A page takes no step and no seed, so that it has no path of a noise.
+#[test]
+fn a_scene_with_noise_has_a_page_without_a_motion() {
+    let folder = Folder::new("noise");
+    let (model, page) = (folder.0.join("m.hamel"), folder.0.join("m.html"));
+    let text = "model m { coordinate x in real; noise w; lagrangian = x_dot^2/2 - x^2; force x_dot = w; }";
+    std::fs::write(&model, text).unwrap();
+    let shown = model.to_str().unwrap();
+    report(&[shown, "--scene", "stochastic", "--no-run"], &page);
+    let out = Command::new(env!("CARGO_BIN_EXE_hamel"))
+        .args(["report", shown, "--scene", "stochastic", "-o"])
+        .arg(&page)
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&out.stderr);
+    assert!(told.contains("--no-run makes one without a motion"), "{told}");
+}
+
 /// Every element that is opened is closed, in order; the page is written such that XML's rules hold but for the
 /// doctype.
 fn assert_well_formed(html: &str) {

@@ -418,6 +418,23 @@ fn an_orbit_of_a_pendulum_has_its_period() {
     assert!((last[0] - orbit.state[0] - std::f64::consts::TAU).abs() < 1e-9, "{last:?} {orbit:?}");
 }
 
+/// States on the way of Newton's method break equations and constraints, and have a motion all the same.
+#[test]
+fn orbits_keep_equations_between_coordinates() {
+    let wanted = period_of_a_pendulum(1.0);
+    let at_places = "coordinate q in angle;
+        coordinate x, z in real by [x, z] = [sin(q), -cos(q)];
+        lagrangian = (q_dot^2 + x_dot^2 + z_dot^2)/4 - z;
+        initial q = 1;";
+    let keep = [("q".to_owned(), None)];
+    for multipliers in ["", "multipliers;"] {
+        let text = format!("model m {{ {at_places} {multipliers} }}");
+        let asked = Asked { keep: keep.to_vec(), ..at(&[("q_dot", 0.0)]) };
+        let orbit = one(&text, "default", &around(6.5, asked));
+        assert!((orbit.period.unwrap() - wanted).abs() < 1e-9, "{orbit:?} {wanted}");
+    }
+}
+
 #[test]
 fn a_limit_cycle_has_the_multiplier_of_its_divergence() {
     let text = "model vdp { param mu = 1; coordinate q in real; lagrangian = q_dot^2/2 - q^2/2;

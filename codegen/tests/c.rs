@@ -85,6 +85,22 @@ fn an_fmu_lists_what_rates_and_outputs_are_computed_from() {
     }
 }
 
+/// Signs of functions of events are followed by `fmi3CompletedIntegratorStep`, which importers call where it is asked
+/// for alone: without it no event happens twice.
+#[test]
+fn an_fmu_with_events_asks_to_be_told_of_steps() {
+    for (text, wanted) in [(TEXT.to_owned(), true), (TEXT.replace("event stop", "// event stop"), false)] {
+        let model = spec::parse("bead", &text).unwrap_or_else(|e| panic!("{e}"));
+        let built = scene::build(&model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"));
+        let (_, fmu) = built
+            .emit_fmu(&Writing::default(), Some(Start::from(vec![1.0, 0.5])))
+            .unwrap_or_else(|e| panic!("{e}"));
+        let exchange = fmu.description.lines().find(|line| line.contains("<ModelExchange "));
+        let asked = exchange.is_some_and(|line| line.contains("needsCompletedIntegratorStep=\"true\""));
+        assert_eq!(asked, wanted, "{exchange:?}");
+    }
+}
+
 #[test]
 fn an_fmu_defines_the_units_of_its_variables() {
     let text = "model swing {

@@ -589,11 +589,12 @@ fn formulas_rename_what_a_language_has() {
     let text = format!(
         "model words {{
             param lambda = 2 where lambda > 0; param end = 3; param jnp = 5; param sqrt = 1/3; param zeros = 7/4;
+            param PARAMS = 2; param Prepared = 3; param TypeError = 4; param published = 5; param numel = 6;
             param {long}1 = 2; param {long}2 = 3;
             coordinate y in real; coordinate function in (0, 4); coordinate let in angle; coordinate p in real;
             lagrangian = lambda*(y_dot^2 + function_dot^2)/2 + let_dot^2*(1 + y^2)/2 + p_dot^2*exp(sin(y))
                 - end*y*function^2 - jnp*sqrt(lambda + function^2) - zeros*cos(let)*sin(sqrt*y) - {long}1*y^2
-                - {long}2*y^4;
+                - {long}2*y^4*PARAMS*Prepared*TypeError*published*numel;
             scene default {{ want energy, jacobian; }}
         }}"
     );
@@ -614,6 +615,15 @@ fn formulas_rename_what_a_language_has() {
                 "{word} in {}",
                 script.text
             );
+        }
+        // What `prepare` calls keeps its name there.
+        let called: &[&str] = match language {
+            ScriptLanguage::Matlab => &["published", "numel"],
+            ScriptLanguage::Julia => &["PARAMS"],
+            _ => &["PARAMS", "Prepared", "TypeError"],
+        };
+        for name in called {
+            assert!(!script.text.contains(&format!("\n    {name} = ")), "{name} in {}", script.text);
         }
     }
 }

@@ -119,7 +119,7 @@ pub fn method_for(info: &Info, chosen: Option<MethodName>) -> MethodName {
 ///
 /// # Errors
 /// [`Error::Options`] where the scene has noise.
-pub(crate) fn refuse(info: &Info, what: &str) -> Result<(), Error> {
+pub fn refuse(info: &Info, what: &str) -> Result<(), Error> {
     if info.noises.is_empty() {
         return Ok(());
     }

@@ -27,7 +27,7 @@ use hamel_run::interpreted::{self, Built};
 use hamel_run::matrices::{self, Outcome};
 use hamel_run::method::{MethodName, Steps};
 use hamel_run::model::{self, Checked, blocks};
-use hamel_run::noise::Noise;
+use hamel_run::noise::{self, Noise};
 use hamel_run::session::Session;
 use hamel_run::simulation::{MAX_EVENTS, SimulateRequest};
 use hamel_run::start;
@@ -168,6 +168,8 @@ fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> 
     let steps = Steps::Adaptive { rtol: Steps::RTOL, atol: Steps::ATOL, max: None };
     let nothing = BTreeMap::new();
     let table = arguments.inputs.table(model)?;
+    let bare = driven(interpreted::build(model, &arguments.scene)?.in_memory(), table.as_deref())?;
+    noise::refuse(Factory::info(&bare), "whose paths no page shows: --no-run makes one without a motion")?;
     let mut motion = pictured(
         model,
         &arguments.scene,
@@ -176,7 +178,6 @@ fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> 
         (arguments.t_final, MethodName::Dop853, steps, report::SAMPLES),
     )?;
     // Accuracy is compared without outputs and without the coordinates of the group.
-    let bare = driven(interpreted::build(model, &arguments.scene)?.in_memory(), table.as_deref())?;
     let start = Factory::info(&bare).state.iter().map(|name| {
         let at = motion.info.state.iter().position(|s| s == name);
         at.map_or(0.0, |at| motion.request.initial[at])

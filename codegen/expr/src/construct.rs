@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
 use num_bigint::BigInt;
+use num_integer::Integer;
 use num_traits::{One, Signed, ToPrimitive, Zero};
 
 use super::arena::Arena;
@@ -215,6 +216,7 @@ impl Graph {
                     _ => _ = add_to(&mut merged, e, q),
                 }
             }
+            pending.extend(self.fold_absolute_values(&mut merged));
             // Merging can turn the half-integer power of a constant or product into an integer one: flatten it again.
             let reducible: Vec<ExprId> = merged
                 .iter()
@@ -228,7 +230,7 @@ impl Graph {
                 })
                 .map(|(e, _)| *e)
                 .collect();
-            if reducible.is_empty() {
+            if reducible.is_empty() && pending.is_empty() {
                 break;
             }
             for e in reducible {
@@ -247,6 +249,47 @@ impl Graph {
         }
         let factors: Vec<_> = merged.into_iter().filter(|(_, q)| !q.is_zero()).collect();
         Ok(self.product_node(coefficient, factors.into()))
+    }
+
+    /// Brings absolute values beside powers of their arguments to one form: `|a|^p` for even `p` is `a^p`, and
+    /// `|a|^p a^m` for other `p` is `|a|^(p + m - n) a^n`, with `n = 0` for even `m`, and otherwise 1, or -1 for
+    /// `p + m < 1`. So `|a|^3/a` is `|a| a`, which has a value at `a = 0`. The signs `|a|/a` and `a/|a|` stay as they
+    /// are. The factors that are left to multiply are returned.
+    fn fold_absolute_values(&mut self, merged: &mut BTreeMap<ExprId, Rational>) -> Vec<(ExprId, Rational)> {
+        let argument = |e: &ExprId| match self.node(*e) {
+            Node::Function(Func::Abs, a) => Some((*e, *a)),
+            _ => None,
+        };
+        let absolute: Vec<(ExprId, ExprId)> = merged.keys().filter_map(argument).collect();
+        let is_even = |q: &Rational| q.is_integer() && q.numer().is_even();
+        let mut raised = Vec::new();
+        for (value, a) in absolute {
+            let p = merged[&value].clone();
+            if is_even(&p) {
+                merged.remove(&value);
+                raised.push((a, p));
+                continue;
+            }
+            let (c, base) = match self.node(a) {
+                Node::Sum { .. } => self.primitive_part(a),
+                _ => self.split_coefficient(a),
+            };
+            let Some(m) = merged.get(&base).filter(|m| m.is_integer()).cloned() else { continue };
+            let kept = match &p + &m {
+                _ if is_even(&m) => Rational::zero(),
+                total if total >= Rational::one() => Rational::one(),
+                _ if m.abs().is_one() => m.clone(),
+                _ => -Rational::one(),
+            };
+            // base^d = |a|^d c^-d for even d.
+            let moved = m - &kept;
+            if !moved.is_zero() {
+                merged.insert(base, kept);
+                merged.insert(value, p + &moved);
+                raised.push((self.rational(c), -moved));
+            }
+        }
+        raised
     }
 
     /// Multiplies a number by `c^q` with an integer `q`.

@@ -268,3 +268,24 @@ fn partial_derivatives_that_are_kept_are_the_ones_that_are_made_anew() {
     }
     assert_eq!(g.spent().work, spent);
 }
+
+#[test]
+fn powers_of_absolute_values_have_slopes_at_zero() {
+    let Fixture { mut g, x, y, sx, .. } = fixture();
+    let two_x = g.scale(x, &Rational::from_integer(2.into()));
+    let difference = g.sub(two_x, y);
+    for (argument, inner) in [(x, 1), (two_x, 2), (difference, 2)] {
+        let magnitude = g.func(Func::Abs, argument);
+        let square = g.powi(magnitude, 2);
+        assert_eq!(square, g.powi(argument, 2));
+        let cube = g.powi(magnitude, 3);
+        // (|a|^3)' = 3 |a| a a'.
+        let product = g.mul(magnitude, argument);
+        let expected = g.scale(product, &Rational::from_integer((3 * inner).into()));
+        assert_eq!(g.diff(cube, sx), expected);
+        // A sign stays one.
+        let sign = g.div(magnitude, argument).unwrap();
+        assert_eq!(g.mul(sign, sign), g.one());
+        assert_eq!(g.mul(sign, argument), magnitude);
+    }
+}

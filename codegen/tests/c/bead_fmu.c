@@ -11,7 +11,7 @@
 #pragma GCC diagnostic ignored "-Wunused-variable"
 #endif
 
-#define FMU_TOKEN "6ef8537db208463466a033e63cf4f424"
+#define FMU_TOKEN "66398f5a05133044946f41c20b807634"
 enum { FMU_STATE = 2, FMU_PARAMS = 2, FMU_OUTPUTS = 5, FMU_EVENTS = 1 };
 
 typedef bead_prepared fmu_prepared;

@@ -37,7 +37,7 @@ use crate::simulation::{MAX_EVENTS, SimulateRequest};
 use crate::start::Starts;
 use family::{Follower, OnCurve};
 use field::{ENERGY, Field, MOVING_ENERGY, Point, Values, Variable};
-use orbit::{Orbit, drifted};
+use orbit::{Orbit, admissible, drifted};
 use search::{Equations, Missed, Quantity, Solvable as _};
 use stability::Setting;
 use symmetry::Symmetry;
@@ -395,7 +395,8 @@ impl<'a> Search<'a> {
         let x = orbit.solve(&start, &[]).map_err(|missed| self.missed(missed))?;
         let no_value = || self.missed(Missed::NoValue);
         let inner = x.rows(0, x.len() - 1).into_owned();
-        let (at, drifts, period) = (equations.point(&inner), equations.drifts(&inner), x[x.len() - 1]);
+        let at = admissible(&equations, &equations.point(&inner)).ok_or_else(no_value)?;
+        let (drifts, period) = (equations.drifts(&inner), x[x.len() - 1]);
         let residual = orbit.residual(&x).ok_or_else(no_value)?.rows(0, n).amax();
         let rest = equations.residual(&inner).ok_or_else(no_value)?.rows(0, n).amax();
         if rest * period <= AT_REST * (1.0 + DVector::from_column_slice(&at.y).amax()) {

@@ -8,6 +8,9 @@
 //! for the state `y`, the drifts `c` and the period `T`, beside what an equilibrium keeps. The flow `F_T` with its
 //! derivatives is the integrator's, events and what they set included, so that gaits with impacts are such orbits.
 //!
+//! The motion of a state that breaks an equation between coordinates or a constraint, as states on the way of Newton's
+//! method do, is that of the nearest state that keeps them.
+//!
 //! Does not know: how a motion is integrated, how stable an orbit is.
 //!
 //! # Source
@@ -16,7 +19,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::field::{Point, Variable};
-use super::search::{Equations, Linear, Solvable};
+use super::search::{Equations, Linear, Quantity, Solvable, Svd};
 use super::symmetry::Symmetry;
 
 /// The state that a motion reaches after a time, and its derivatives by the initial state where they are asked for;
@@ -57,6 +60,69 @@ fn generator(symmetries: &[Symmetry], drifts: &[f64], n: usize) -> DMatrix<f64> 
     matrix
 }
 
+/// Equations between coordinates and constraints. The unknowns are the state.
+struct Admissible<'a> {
+    equations: &'a Equations<'a>,
+    at: &'a Point,
+    conditions: Vec<(Quantity, f64)>,
+}
+
+/// The nearest state that keeps the equations between coordinates and the constraints.
+pub(super) fn admissible(equations: &Equations<'_>, at: &Point) -> Option<Point> {
+    let y = DVector::from_column_slice(&at.y);
+    let found = match Admissible::new(equations, at) {
+        Some(conditions) => conditions.solve(&y, &[]).ok()?,
+        None => y,
+    };
+    Some(Point { y: found.iter().copied().collect(), ..at.clone() })
+}
+
+/// The derivative of [`admissible`] by the state, at one that keeps the conditions: a projection.
+fn projection(equations: &Equations<'_>, at: &Point) -> Option<DMatrix<f64>> {
+    let y = DVector::from_column_slice(&at.y);
+    let mut matrix = DMatrix::identity(y.len(), y.len());
+    if let Some(conditions) = Admissible::new(equations, at) {
+        let slopes = Svd::new(&conditions.linear(&y)?.jacobian)?;
+        for mut column in matrix.column_iter_mut() {
+            let allowed = slopes.null_part(&column.clone_owned());
+            column.copy_from(&allowed);
+        }
+    }
+    Some(matrix)
+}
+
+impl<'a> Admissible<'a> {
+    /// Nothing where there are no conditions.
+    fn new(equations: &'a Equations<'a>, at: &'a Point) -> Option<Admissible<'a>> {
+        let is_needed = |own: &Quantity| matches!(own, Quantity::Position(_) | Quantity::Residual(_));
+        let conditions: Vec<_> = equations.held.iter().copied().filter(|(own, _)| is_needed(own)).collect();
+        (!conditions.is_empty()).then_some(Admissible { equations, at, conditions })
+    }
+
+    fn point(&self, y: &DVector<f64>) -> Point {
+        Point { y: y.iter().copied().collect(), ..self.at.clone() }
+    }
+}
+
+impl Solvable for Admissible<'_> {
+    fn residual(&self, y: &DVector<f64>) -> Option<DVector<f64>> {
+        let at = self.point(y);
+        let values = self.equations.field.values(&at)?;
+        let left = self.conditions.iter().map(|(quantity, value)| quantity.value(&at, &values) - value);
+        let all: Vec<f64> = left.collect();
+        all.iter().all(|r| r.is_finite()).then(|| DVector::from_vec(all))
+    }
+
+    fn linear(&self, y: &DVector<f64>) -> Option<Linear> {
+        let residual = self.residual(y)?;
+        let by: Vec<Variable> = (0..y.len()).map(Variable::State).collect();
+        let slopes = self.equations.field.derivatives(&self.point(y), &by)?;
+        let slope = |row: usize, column: usize| self.conditions[row].0.slope(by[column], &slopes[column]);
+        let jacobian = DMatrix::from_fn(residual.len(), y.len(), slope);
+        jacobian.iter().all(|x| x.is_finite()).then_some(Linear { residual, jacobian })
+    }
+}
+
 impl Orbit<'_> {
     /// The unknowns without the period.
     fn parted(x: &DVector<f64>) -> (DVector<f64>, f64) {
@@ -83,7 +149,8 @@ impl Orbit<'_> {
 impl Solvable for Orbit<'_> {
     fn residual(&self, x: &DVector<f64>) -> Option<DVector<f64>> {
         let (inner, t) = Orbit::parted(x);
-        let (reached, _) = (self.flow)(&self.equations.point(&inner), t, false)?;
+        let start = admissible(self.equations, &self.equations.point(&inner))?;
+        let (reached, _) = (self.flow)(&start, t, false)?;
         self.residual_at(&inner, t, &reached)
     }
 
@@ -92,7 +159,9 @@ impl Solvable for Orbit<'_> {
         let Equations { field, symmetries, .. } = self.equations;
         let at = self.equations.point(&inner);
         let n = at.y.len();
-        let (reached, flow) = (self.flow)(&at, t, true)?;
+        let start = admissible(self.equations, &at)?;
+        let (reached, flow) = (self.flow)(&start, t, true)?;
+        let flow = flow * projection(self.equations, &start)?;
         let residual = self.residual_at(&inner, t, &reached)?;
         let drifts = self.equations.drifts(&inner);
         let (turned, _) = drifted(symmetries, &drifts, t, n);

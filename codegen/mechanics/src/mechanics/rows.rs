@@ -69,7 +69,9 @@ impl Order {
     pub(super) fn new(g: &Graph, forms: &[Vec<ExprId>], response: &Response) -> Order {
         let is_number = |pair: &(usize, usize)| {
             let (row, own) = *pair;
-            g.as_rational(forms[row][own]).is_some() && !response.given.contains(pair)
+            forms[row][own] != g.zero()
+                && g.as_rational(forms[row][own]).is_some()
+                && !response.given.contains(pair)
         };
         let (mut numbers, mut together): (Vec<_>, Vec<_>) =
             response.pairs.iter().copied().partition(is_number);

@@ -341,11 +341,13 @@ impl Writer<'_> {
             "modelIdentifier=\"{prefix}\" canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\" \
              providesDirectionalDerivatives=\"true\" providesAdjointDerivatives=\"true\""
         );
+        // Signs of functions of events are followed from step to step.
+        let told_steps = if first_event < reference { " needsCompletedIntegratorStep=\"true\"" } else { "" };
         format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
              <fmiModelDescription fmiVersion=\"3.0\" modelName=\"{prefix}\" instantiationToken=\"{token}\"{doc} \
              generationTool=\"hamel {version}\" variableNamingConvention=\"flat\">\n  \
-                 <ModelExchange {interface}/>\n  \
+                 <ModelExchange {interface}{told_steps}/>\n  \
                  <CoSimulation {interface} canHandleVariableCommunicationStepSize=\"true\"/>\n\
              {unit_definitions}  \
                  <LogCategories>\n    <Category name=\"logStatusError\"/>\n  </LogCategories>\n  \
