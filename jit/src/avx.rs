@@ -1,8 +1,8 @@
-//! Functions of a program as machine code on four numbers side by side, for processors with AVX2: the same operations
-//! in the same order. Cranelift has registers of two numbers.
+//! Functions of a program as machine code on four or eight numbers side by side, for processors with AVX2 or AVX-512:
+//! the same operations in the same order. Cranelift has registers of two numbers.
 //!
-//! A function is straight-line code. Its values stay in the sixteen registers as long as they are needed soonest; what
-//! is read from vectors is read where it is needed. Where an angle is beyond the bound of the kernel of sine and
+//! A function is straight-line code. Its values stay in the registers as long as they are needed soonest; what is read
+//! from vectors is read where it is needed. Where an angle is beyond the bound of the kernel of sine and
 //! cosine, the code gives up, and the caller takes another way.
 //!
 //! Deliberately does not know: how code is made runnable, tables of products, elementary functions but sine, cosine and
@@ -16,15 +16,13 @@ use hamel_runtime::math::kernel::BOUND;
 
 use crate::assembler::{Assembler, Binary, Place};
 use crate::kernel::{Step, kernel};
+use crate::lanes::{Encoding, Form};
 use crate::translate::{Pointer, outputs};
 
-/// A constant on every lane.
+/// A constant on every lane of the largest register.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(32))]
-pub(crate) struct Four(#[expect(dead_code, reason = "compiled code reads it")] [u64; 4]);
-
-/// Bytes of a number on all lanes.
-const STRIDE: usize = size_of::<Four>();
+#[repr(align(64))]
+pub(crate) struct Spread(#[expect(dead_code, reason = "compiled code reads it")] [u64; 8]);
 
 /// A value: the result of an instruction, or a number of a vector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,17 +72,18 @@ impl Instruction {
 /// Code and the constants that it reads.
 pub(crate) struct Emitted {
     pub(crate) code: Vec<u8>,
-    pub(crate) constants: Vec<Four>,
+    pub(crate) constants: Vec<Spread>,
 }
 
 /// The code of a function, unless it has operations that there is no code for.
-pub(crate) fn emit(function: &Function, program: &Program) -> Option<Emitted> {
-    let mut writer = Writer::new(program);
+pub(crate) fn emit(function: &Function, program: &Program, form: Form) -> Option<Emitted> {
+    let mut writer = Writer::new(program, form);
     writer.function(function)?;
     let Writer { instructions, n_temporaries, constants, .. } = writer;
-    let mut assembler = Assembler::default();
-    let n_slots = allocate(&mut assembler, &needed(instructions, n_temporaries), n_temporaries);
-    Some(Emitted { code: assembler.finish(n_slots * STRIDE), constants })
+    let mut assembler = Assembler::new(form.encoding);
+    let instructions = needed(instructions, n_temporaries);
+    let n_slots = allocate(&mut assembler, &instructions, n_temporaries, &Kept::nothing(form.encoding));
+    Some(Emitted { code: assembler.finish(n_slots * form.encoding.n_bytes()), constants })
 }
 
 /// Bytes of a loop that the processor keeps near, beside what it works on.
@@ -100,24 +99,62 @@ const MAX_LOOP: usize = 24_000;
 /// The state is `y`, the results are `even` and, behind it, `odd`; the argument has `eta` and `2 eta`, and the last
 /// pointer is the number `n`. None for functions with operations that there is no code for, with tables, and for code
 /// so long that a loop gains nothing.
-pub(crate) fn emit_row(function: &Function, program: &Program) -> Option<Emitted> {
+pub(crate) fn emit_row(function: &Function, program: &Program, form: Form) -> Option<Emitted> {
     let n = program.state.len();
     if function.results.len() != n || !function.argument.is_empty() || !function.contractions.is_empty() {
         return None;
     }
-    let mut writer = Writer::new(program);
+    let mut writer = Writer::new(program, form);
+    let kept = Kept::increments(n, form);
     let bodies = [(0, n), (n, 0)].map(|(at, to)| writer.substep(function, (at, to)));
-    let (mut assembler, mut n_slots, mut second) = (Assembler::default(), 0, 0);
+    let (mut assembler, mut n_slots, mut second) = (Assembler::new(form.encoding), 0, 0);
     for body in bodies {
         second = assembler.len();
         let body = needed(body?, writer.n_temporaries);
-        n_slots = n_slots.max(allocate(&mut assembler, &body, writer.n_temporaries));
+        n_slots = n_slots.max(allocate(&mut assembler, &body, writer.n_temporaries, &kept));
     }
     let is_short = assembler.len() <= MAX_LOOP;
     is_short.then(|| Emitted {
-        code: assembler.finish_loop(n_slots * STRIDE, second),
+        code: assembler.finish_loop(n_slots * form.encoding.n_bytes(), second, &kept.places()),
         constants: writer.constants,
     })
+}
+
+/// Results that stay in registers of their own from one run through a loop to the next.
+struct Kept {
+    /// Registers for everything else; those behind it keep results.
+    n_free: usize,
+    /// Which results, in the order of the registers.
+    offsets: Vec<usize>,
+}
+
+/// Registers that a loop has for its values at least.
+const LEAST_FREE: usize = 16;
+
+impl Kept {
+    fn nothing(encoding: Encoding) -> Kept {
+        Kept { n_free: encoding.n_registers(), offsets: Vec::new() }
+    }
+
+    /// The increments of the first components, as many as there are registers for.
+    fn increments(n: usize, form: Form) -> Kept {
+        let n_registers = form.encoding.n_registers();
+        let n_kept = n.min((n_registers - LEAST_FREE) / 2);
+        let offsets = (0..n_kept).chain(n..n + n_kept).map(|place| place * form.stride()).collect();
+        Kept { n_free: n_registers - 2 * n_kept, offsets }
+    }
+
+    /// The register of a result.
+    fn register(&self, pointer: Pointer, offset: usize) -> Option<usize> {
+        let at = || self.offsets.iter().position(|kept| *kept == offset);
+        (pointer == Pointer::Out).then(at).flatten().map(|at| self.n_free + at)
+    }
+
+    /// The registers with their places in memory.
+    fn places(&self) -> Vec<(usize, Place)> {
+        let place = |(at, offset): (usize, &usize)| (self.n_free + at, Place::Number(Pointer::Out, *offset));
+        self.offsets.iter().enumerate().map(place).collect()
+    }
 }
 
 /// The instructions whose results are needed.
@@ -140,9 +177,11 @@ fn needed(instructions: Vec<Instruction>, n_temporaries: usize) -> Vec<Instructi
 }
 
 struct Writer<'a> {
+    /// Bytes from a number of a vector to the next.
+    stride: usize,
     instructions: Vec<Instruction>,
     n_temporaries: usize,
-    constants: Vec<Four>,
+    constants: Vec<Spread>,
     places: HashMap<u64, usize>,
     numbers: &'a [Constant],
     n_slots: usize,
@@ -157,8 +196,9 @@ struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
-    fn new(program: &'a Program) -> Writer<'a> {
+    fn new(program: &'a Program, form: Form) -> Writer<'a> {
         Writer {
+            stride: form.stride(),
             instructions: Vec::new(),
             n_temporaries: 0,
             constants: Vec::new(),
@@ -183,12 +223,13 @@ impl<'a> Writer<'a> {
             let value = self.instruction(instruction.op)?;
             self.values.push(value);
         }
-        let number = |pointer: Pointer, place: usize| Value::Number(pointer, place * STRIDE);
+        let stride = self.stride;
+        let number = |pointer: Pointer, place: usize| Value::Number(pointer, place * stride);
         for (operand, (pointer, place)) in outputs(function) {
             let slope = self.read(operand);
             let before = number(pointer, to + place);
             let after = self.mul_add(Signs::default(), number(Pointer::Argument, 1), slope, before);
-            self.instructions.push(Instruction::Store(after, pointer, (to + place) * STRIDE));
+            self.instructions.push(Instruction::Store(after, pointer, (to + place) * stride));
         }
         if self.has_time {
             let later = self.add(number(Pointer::Time, 0), number(Pointer::Argument, 0));
@@ -204,7 +245,7 @@ impl<'a> Writer<'a> {
         }
         for (operand, (pointer, place)) in outputs(function) {
             let value = self.read(operand);
-            self.instructions.push(Instruction::Store(value, pointer, place * STRIDE));
+            self.instructions.push(Instruction::Store(value, pointer, place * self.stride));
         }
         Some(())
     }
@@ -217,10 +258,10 @@ impl<'a> Writer<'a> {
     fn bits(&mut self, bits: u64) -> Value {
         let constants = &mut self.constants;
         let place = *self.places.entry(bits).or_insert_with(|| {
-            constants.push(Four([bits; 4]));
+            constants.push(Spread([bits; 8]));
             constants.len() - 1
         });
-        Value::Number(Pointer::Constants, place * STRIDE)
+        Value::Number(Pointer::Constants, place * size_of::<Spread>())
     }
 
     fn constant(&mut self, x: f64) -> Value {
@@ -228,7 +269,8 @@ impl<'a> Writer<'a> {
     }
 
     fn read(&mut self, operand: Operand) -> Value {
-        let number = |pointer: Pointer, place: usize| Value::Number(pointer, place * STRIDE);
+        let stride = self.stride;
+        let number = |pointer: Pointer, place: usize| Value::Number(pointer, place * stride);
         match operand {
             Operand::Value(i) => self.values[i as usize],
             Operand::Constant(i) => self.constant(self.numbers[i as usize].value()),
@@ -401,14 +443,14 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Number of registers.
-const N_REGISTERS: usize = 16;
-
 /// Where the values are while code is written.
 struct Allocation<'a> {
     assembler: &'a mut Assembler,
-    /// What each register has.
-    contents: [Option<usize>; N_REGISTERS],
+    /// Bytes of a register.
+    n_bytes: usize,
+    kept: &'a Kept,
+    /// What each register has that is free for values.
+    contents: Vec<Option<usize>>,
     /// The register of each value.
     registers: Vec<Option<usize>>,
     /// The place of each value on the stack, once it has one.
@@ -419,7 +461,12 @@ struct Allocation<'a> {
 }
 
 /// Writes instructions with values in registers; how many of them are on the stack.
-fn allocate(assembler: &mut Assembler, instructions: &[Instruction], n_temporaries: usize) -> usize {
+fn allocate(
+    assembler: &mut Assembler,
+    instructions: &[Instruction],
+    n_temporaries: usize,
+    kept: &Kept,
+) -> usize {
     let mut uses: Vec<Vec<usize>> = vec![Vec::new(); n_temporaries];
     for (at, instruction) in instructions.iter().enumerate().rev() {
         for operand in instruction.operands() {
@@ -429,8 +476,10 @@ fn allocate(assembler: &mut Assembler, instructions: &[Instruction], n_temporari
         }
     }
     let mut allocation = Allocation {
+        n_bytes: assembler.encoding().n_bytes(),
         assembler,
-        contents: [None; N_REGISTERS],
+        kept,
+        contents: vec![None; kept.n_free],
         registers: vec![None; n_temporaries],
         slots: vec![None; n_temporaries],
         n_slots: 0,
@@ -479,7 +528,11 @@ impl Allocation<'_> {
             Instruction::Store(a, pointer, offset) => {
                 let source = self.loaded(a, &[]);
                 self.forget(at, instruction);
-                self.assembler.store(source.register(), Place::Number(pointer, offset));
+                match self.place(Value::Number(pointer, offset)) {
+                    Place::Register(own) if source.register() != own => self.assembler.load(own, source),
+                    Place::Register(_) => {}
+                    place => self.assembler.store(source.register(), place),
+                }
             }
             Instruction::Guard(scratch, [a, b]) => {
                 let first = self.loaded(a, &[b]);
@@ -496,17 +549,20 @@ impl Allocation<'_> {
     fn register(&self, value: Value) -> Option<usize> {
         match value {
             Value::Temporary(k) => self.registers[k],
-            Value::Number(..) => None,
+            Value::Number(pointer, offset) => self.kept.register(pointer, offset),
         }
     }
 
     /// Where a value is.
     fn place(&self, value: Value) -> Place {
         match value {
-            Value::Number(pointer, offset) => Place::Number(pointer, offset),
+            Value::Number(pointer, offset) => match self.kept.register(pointer, offset) {
+                Some(register) => Place::Register(register),
+                None => Place::Number(pointer, offset),
+            },
             Value::Temporary(k) => match (self.registers[k], self.slots[k]) {
                 (Some(register), _) => Place::Register(register),
-                (None, Some(slot)) => Place::Stack(slot * STRIDE),
+                (None, Some(slot)) => Place::Stack(slot * self.n_bytes),
                 (None, None) => unreachable!("a value that is read before it is computed"),
             },
         }
@@ -535,7 +591,8 @@ impl Allocation<'_> {
 
     /// A register for a result, which may be that of an operand that is not needed any more.
     fn target(&mut self, to: usize, operands: &[Place]) -> usize {
-        let is_free = |place: &&Place| matches!(place, Place::Register(r) if self.contents[*r].is_none());
+        let is_own = |r: usize| self.contents.get(r).is_some_and(Option::is_none);
+        let is_free = |place: &&Place| matches!(place, Place::Register(r) if is_own(*r));
         let register = match operands.iter().find(is_free) {
             Some(Place::Register(register)) => *register,
             _ => self.free(operands),
@@ -549,7 +606,7 @@ impl Allocation<'_> {
     /// stack.
     fn free(&mut self, kept: &[Place]) -> usize {
         let is_kept = |register: usize| kept.contains(&Place::Register(register));
-        let unused = (0..N_REGISTERS).find(|r| self.contents[*r].is_none() && !is_kept(*r));
+        let unused = (0..self.contents.len()).find(|r| self.contents[*r].is_none() && !is_kept(*r));
         if let Some(register) = unused {
             return register;
         }
@@ -557,8 +614,8 @@ impl Allocation<'_> {
             let of = |k: usize| self.uses[k].last().copied().unwrap_or(usize::MAX);
             self.contents[*register].map_or(usize::MAX, of)
         };
-        // Instructions have three operands, and there are sixteen registers.
-        let found = (0..N_REGISTERS).filter(|r| !is_kept(*r)).max_by_key(next_use);
+        // Instructions have three operands, and there are more registers.
+        let found = (0..self.contents.len()).filter(|r| !is_kept(*r)).max_by_key(next_use);
         let register = found.expect("a register");
         if let Some(k) = self.contents[register].take() {
             self.registers[k] = None;
