@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use hamel_ensemble::{Ensemble, Lanes, Motions, Source};
-use hamel_runtime::{F64x4, Method, Options, Wiener};
+use hamel_runtime::{F64x4, F64x8, Method, Options, Wiener};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use rayon::ThreadPool;
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::any_method::AnyMethod;
 use super::auto::Purpose;
-use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
+use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, Several, VecState};
 use super::info::Info;
 use super::integrate::{self, Unfinished};
 use super::lost_rank::Rank;
@@ -38,9 +38,28 @@ pub enum Width {
     #[cfg_attr(feature = "clap", value(name = "1"))]
     One,
     /// Four, with common steps that keep the tolerances of each; explicit methods only, otherwise one.
-    #[default]
     #[cfg_attr(feature = "clap", value(name = "4"))]
     Four,
+    /// Eight, likewise.
+    #[default]
+    #[cfg_attr(feature = "clap", value(name = "8"))]
+    Eight,
+}
+
+impl Width {
+    /// How many.
+    pub fn lanes(self) -> usize {
+        match self {
+            Width::One => 1,
+            Width::Four => F64x4::LANES,
+            Width::Eight => F64x8::LANES,
+        }
+    }
+
+    /// That of so many lanes, if it is one.
+    pub fn of_lanes(lanes: usize) -> Option<Width> {
+        [Width::One, Width::Four, Width::Eight].into_iter().find(|width| width.lanes() == lanes)
+    }
 }
 
 /// Many integrations from time zero that differ in parameters and initial state.
@@ -152,9 +171,10 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Mem
             // No trajectory will start, whatever the method.
             None => AnyMethod::single(&hamel_runtime::Dop853),
         };
-        let motions = match method.of_lanes().filter(|_| request.width == Width::Four) {
-            Some(method) => job.run::<F64x4, _>(method),
-            None => job.run::<f64, _>(method.of_scenes()),
+        let motions = match (request.width, method.of_lanes(), method.of_eight_lanes()) {
+            (Width::Four, Some(method), _) => job.run::<F64x4, _>(method),
+            (Width::Eight, _, Some(method)) => job.run::<F64x8, _>(method),
+            _ => job.run::<f64, _>(method.of_scenes()),
         }?;
         Ok(Members::new(factory, &request.members, motions, &times))
     });
@@ -293,26 +313,26 @@ impl<'a> Source<f64> for Scenes<'a> {
     }
 }
 
-impl<'a> Source<F64x4> for Scenes<'a> {
-    type State = VecState<F64x4>;
-    type System = PreparedLanes<'a>;
+impl<'a, L: Several> Source<L> for Scenes<'a> {
+    type State = VecState<L>;
+    type System = PreparedLanes<'a, L>;
     type Error = BadParams;
 
-    fn prepare(&self, params: &[F64x4]) -> Result<Self::System, BadParams> {
+    fn prepare(&self, params: &[L]) -> Result<Self::System, BadParams> {
         self.go_on()?;
-        self.factory.prepare_lanes(params)
+        L::prepare(self.factory, params)
     }
 
-    fn prepare_again(&self, system: &mut Self::System, params: &[F64x4]) -> Result<(), BadParams> {
+    fn prepare_again(&self, system: &mut Self::System, params: &[L]) -> Result<(), BadParams> {
         self.go_on()?;
-        self.factory.prepare_lanes_again(system, params)
+        L::prepare_again(self.factory, system, params)
     }
 
-    fn state(&self, components: &[F64x4]) -> VecState<F64x4> {
+    fn state(&self, components: &[L]) -> VecState<L> {
         VecState(components.to_vec())
     }
 
-    fn measure(&self, system: &Self::System, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4> {
+    fn measure(&self, system: &Self::System, t: L, y: &VecState<L>) -> Option<L> {
         system.energy(t, y)
     }
 }

@@ -1,4 +1,4 @@
-//! The extrapolated midpoint rule on four lanes, whose rows are loops of machine code where the scene has such code:
+//! The extrapolated midpoint rule on lanes, whose rows are loops of machine code where the scene has such code:
 //! the right-hand side stands inside the loop.
 //!
 //! Every number has the bits of [`Gbs14`] on lanes: [`WideSums`] and the loops promise the bits of each operation, and
@@ -6,12 +6,10 @@
 //!
 //! Does not know: scenes, how steps are chosen.
 
-use hamel_runtime::{Error, F64x4, Gbs14, Method, Options, Real, Step, System, Tableau};
+use hamel_runtime::{Error, F64x4, Gbs14, Method, Options, Step, System, Tableau};
 
-use super::dynamics::{PreparedLanes, VecState};
-use super::machine::{Slopes, WideSums};
-
-type Lanes = VecState<F64x4>;
+use super::dynamics::{PreparedLanes, Several, VecState};
+use super::machine::{Registers, Slopes, WideSums};
 
 /// Number of rows.
 const N_ROWS: usize = 7;
@@ -38,43 +36,43 @@ const fn weights() -> [[f64; 2]; N_ROWS] {
     all
 }
 
+/// What the runtime's method says of itself, on any lanes.
+const OWN: &Tableau = <Gbs14 as Method<F64x4, PreparedLanes<'static>>>::TABLEAU;
+const BY_STEPS: bool = <Gbs14 as Method<F64x4, PreparedLanes<'static>>>::DENSE_BY_STEPS;
+
 /// [`Gbs14`], where the processor has wider registers than the program was compiled for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extrapolated(WideSums);
 
 impl Extrapolated {
-    /// None where the runtime's own operations are as wide.
-    pub(crate) fn of_host() -> Option<Extrapolated> {
-        WideSums::of_host().map(Extrapolated)
-    }
-
-    fn own_tableau() -> &'static Tableau {
-        <Gbs14 as Method<F64x4, PreparedLanes<'static>>>::TABLEAU
+    /// In these registers at most; none where the runtime's own operations are as wide.
+    pub(crate) fn up_to(most: Registers) -> Option<Extrapolated> {
+        WideSums::up_to(most).map(Extrapolated)
     }
 }
 
 /// What the method keeps from one step to the next.
-pub(crate) struct Storage {
+pub(crate) struct Storage<L> {
     sums: WideSums,
     /// Of each row the last increment, and the one before behind it.
-    rows: Vec<Vec<F64x4>>,
+    rows: Vec<Vec<L>>,
     /// The estimate of the error, divided by the step.
-    estimate: [Lanes; 1],
-    slope: Lanes,
+    estimate: [VecState<L>; 1],
+    slope: VecState<L>,
 }
 
 /// A row of `2 half` substeps of size `eta` over a step, where there is no machine code for it.
-fn run_row(
-    step: &mut Step<'_, F64x4, PreparedLanes<'_>>,
-    eta: F64x4,
+fn run_row<L: Several>(
+    step: &mut Step<'_, L, PreparedLanes<'_, L>>,
+    eta: L,
     half: usize,
-    slope: &mut Lanes,
-    increments: &mut [F64x4],
+    slope: &mut VecState<L>,
+    increments: &mut [L],
 ) {
     let (mut t, twice, n) = (step.t + eta, eta + eta, slope.0.len());
     let (even, odd) = increments.split_at_mut(n);
     let (y, point, system) = (&step.from.state.0, &mut *step.work, step.system);
-    let mut substep = |at: &[F64x4], to: &mut [F64x4]| {
+    let mut substep = |at: &[L], to: &mut [L]| {
         for ((point, at), y) in point.0.iter_mut().zip(at).zip(y) {
             *point = *y + *at;
         }
@@ -91,48 +89,51 @@ fn run_row(
     }
 }
 
-impl<'a> Method<F64x4, PreparedLanes<'a>> for Extrapolated {
-    const TABLEAU: &'static Tableau = <Gbs14 as Method<F64x4, PreparedLanes<'static>>>::TABLEAU;
+impl<'a, L: Several> Method<L, PreparedLanes<'a, L>> for Extrapolated
+where
+    Gbs14: Method<L, PreparedLanes<'a, L>>,
+{
+    const TABLEAU: &'static Tableau = OWN;
 
-    const DENSE_BY_STEPS: bool = <Gbs14 as Method<F64x4, PreparedLanes<'static>>>::DENSE_BY_STEPS;
+    const DENSE_BY_STEPS: bool = BY_STEPS;
 
-    type Storage = Storage;
+    type Storage = Storage<L>;
 
-    fn validate(&self, options: &Options<F64x4>) -> Result<(), Error> {
-        Method::<F64x4, PreparedLanes<'a>>::validate(&Gbs14, options)
+    fn validate(&self, options: &Options<L>) -> Result<(), Error> {
+        Method::<L, PreparedLanes<'a, L>>::validate(&Gbs14, options)
     }
 
-    fn storage(&self, _: &PreparedLanes<'a>, _: F64x4, y0: &Lanes, _: &Options<F64x4>) -> Storage {
-        let zeros = VecState(vec![F64x4::ZERO; y0.0.len()]);
-        let rows = vec![vec![F64x4::ZERO; 2 * y0.0.len()]; N_ROWS];
+    fn storage(&self, _: &PreparedLanes<'a, L>, _: L, y0: &VecState<L>, _: &Options<L>) -> Storage<L> {
+        let zeros = VecState(vec![L::ZERO; y0.0.len()]);
+        let rows = vec![vec![L::ZERO; 2 * y0.0.len()]; N_ROWS];
         Storage { sums: self.0, rows, estimate: [zeros.clone()], slope: zeros }
     }
 
-    fn renew(&self, _: &mut Storage, _: &PreparedLanes<'a>, _: F64x4, _: &Lanes, _: &Options<F64x4>) {
+    fn renew(&self, _: &mut Storage<L>, _: &PreparedLanes<'a, L>, _: L, _: &VecState<L>, _: &Options<L>) {
         // Every row of a step is computed before it is read.
     }
 
-    fn stages(storage: &Storage) -> &[Lanes] {
+    fn stages(storage: &Storage<L>) -> &[VecState<L>] {
         &storage.estimate
     }
 
-    fn stages_mut(storage: &mut Storage) -> &mut [Lanes] {
+    fn stages_mut(storage: &mut Storage<L>) -> &mut [VecState<L>] {
         &mut storage.estimate
     }
 
     fn advance(
         &self,
-        storage: &mut Storage,
-        step: &mut Step<'_, F64x4, PreparedLanes<'a>>,
+        storage: &mut Storage<L>,
+        step: &mut Step<'_, L, PreparedLanes<'a, L>>,
     ) -> Result<(), Error> {
         let Storage { sums, rows, estimate: [estimate], slope } = storage;
         let n = slope.0.len();
         for (row, increments) in rows.iter_mut().enumerate() {
             let half = row + 1;
-            let eta = step.h * F64x4::splat(1.0 / (2 * half) as f64);
-            let begin = |increments: &mut [F64x4]| {
+            let eta = step.h * L::from_f64(1.0 / (2 * half) as f64);
+            let begin = |increments: &mut [L]| {
                 let (even, odd) = increments.split_at_mut(n);
-                even.fill(F64x4::ZERO);
+                even.fill(L::ZERO);
                 odd.iter_mut().zip(&step.from.slope.0).for_each(|(odd, f)| *odd = eta * *f);
             };
             begin(increments);
@@ -150,13 +151,13 @@ impl<'a> Method<F64x4, PreparedLanes<'a>> for Extrapolated {
     }
 
     fn mean_square_error(
-        Storage { sums, estimate, .. }: &Storage,
-        h: F64x4,
-        rtol: &Lanes,
-        atol: &Lanes,
-        [a, b]: [&Lanes; 2],
+        Storage { sums, estimate, .. }: &Storage<L>,
+        h: L,
+        rtol: &VecState<L>,
+        atol: &VecState<L>,
+        [a, b]: [&VecState<L>; 2],
     ) -> Option<f64> {
-        let tableau = Extrapolated::own_tableau();
+        let tableau = OWN;
         // The one sum is the estimate, which is stored.
         let [own] = estimate;
         let k = Slopes { n_stages: tableau.n_stages(), first: own, stored: estimate, last: own };

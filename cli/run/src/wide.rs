@@ -1,16 +1,14 @@
-//! Steps of explicit methods on four lanes, their sums in the widest registers of the processor.
+//! Steps of explicit methods on lanes, their sums in the widest registers of the processor.
 //!
 //! Every number has the bits that the method itself gives: [`WideSums`] promises the bits of each operation, and their
 //! order is that of the runtime.
 //!
 //! Does not know: scenes, how steps are chosen.
 
-use hamel_runtime::{Error, Estimate, F64x4, Method, Options, Point, Real, Step, System, Tableau};
+use hamel_runtime::{Error, Estimate, Method, Options, Point, Step, System, Tableau};
 
-use super::dynamics::{PreparedLanes, VecState};
-use super::machine::{Slopes, WideSums};
-
-type Lanes = VecState<F64x4>;
+use super::dynamics::{PreparedLanes, Several, VecState};
+use super::machine::{Registers, Slopes, WideSums};
 
 /// An explicit method by its tableau.
 #[derive(Clone, Copy, Debug)]
@@ -20,53 +18,54 @@ pub(crate) struct Wide {
 }
 
 impl Wide {
-    /// The method with a tableau, where the processor has wider registers than the program was compiled for.
-    pub(crate) fn of(tableau: &'static Tableau) -> Option<Wide> {
-        let sums = WideSums::of_host()?;
+    /// The method with a tableau, in these registers at most, where the processor has wider ones than the program was
+    /// compiled for.
+    pub(crate) fn up_to(most: Registers, tableau: &'static Tableau) -> Option<Wide> {
+        let sums = WideSums::up_to(most)?;
         Some(Wide { tableau, sums })
     }
 }
 
 /// What a method keeps from one step to the next.
-pub(crate) struct Storage {
+pub(crate) struct Storage<L> {
     wide: Wide,
     /// Derivatives at the stages but the first.
-    stages: Vec<Lanes>,
+    stages: Vec<VecState<L>>,
     /// Those at the ends of the step, for its error.
-    ends: [Lanes; 2],
+    ends: [VecState<L>; 2],
 }
 
-impl<'a> Method<F64x4, PreparedLanes<'a>> for Wide {
+impl<'a, L: Several> Method<L, PreparedLanes<'a, L>> for Wide {
     const TABLEAU: &'static Tableau = Tableau::CHOSEN;
 
-    type Storage = Storage;
+    type Storage = Storage<L>;
 
     fn tableau(&self) -> &'static Tableau {
         self.tableau
     }
 
-    fn storage(&self, _: &PreparedLanes<'a>, _: F64x4, y0: &Lanes, _: &Options<F64x4>) -> Storage {
-        let zeros = VecState(vec![F64x4::ZERO; y0.0.len()]);
+    fn storage(&self, _: &PreparedLanes<'a, L>, _: L, y0: &VecState<L>, _: &Options<L>) -> Storage<L> {
+        let zeros = VecState(vec![L::ZERO; y0.0.len()]);
         let stages = vec![zeros.clone(); self.tableau.n_stored()];
         Storage { wide: *self, stages, ends: [zeros.clone(), zeros] }
     }
 
-    fn renew(&self, _: &mut Storage, _: &PreparedLanes<'a>, _: F64x4, _: &Lanes, _: &Options<F64x4>) {
+    fn renew(&self, _: &mut Storage<L>, _: &PreparedLanes<'a, L>, _: L, _: &VecState<L>, _: &Options<L>) {
         // Every stage of a step is computed before it is read.
     }
 
-    fn stages(storage: &Storage) -> &[Lanes] {
+    fn stages(storage: &Storage<L>) -> &[VecState<L>] {
         &storage.stages
     }
 
-    fn stages_mut(storage: &mut Storage) -> &mut [Lanes] {
+    fn stages_mut(storage: &mut Storage<L>) -> &mut [VecState<L>] {
         &mut storage.stages
     }
 
     fn advance(
         &self,
-        storage: &mut Storage,
-        step: &mut Step<'_, F64x4, PreparedLanes<'a>>,
+        storage: &mut Storage<L>,
+        step: &mut Step<'_, L, PreparedLanes<'a, L>>,
     ) -> Result<(), Error> {
         let (Wide { tableau, sums }, n_stages) = (*self, self.tableau.n_stages());
         let (from, h) = (step.from, step.h);
@@ -76,7 +75,7 @@ impl<'a> Method<F64x4, PreparedLanes<'a>> for Wide {
             let (known, next) = storage.stages.split_at_mut(i - 1);
             let k = Slopes { n_stages, first: slope, stored: known, last: slope };
             sums.stage((row, &k), h, y, &mut step.work.0);
-            step.system.rhs(step.t + node.get::<F64x4>() * h, step.work, &mut next[0]);
+            step.system.rhs(step.t + node.get::<L>() * h, step.work, &mut next[0]);
         }
         // The weights do not refer to the derivative at the end, which is not known yet.
         let k = Slopes { n_stages, first: slope, stored: &storage.stages, last: slope };
@@ -86,17 +85,23 @@ impl<'a> Method<F64x4, PreparedLanes<'a>> for Wide {
         Ok(())
     }
 
-    fn slope(&self, storage: &mut Storage, system: &PreparedLanes<'a>, t: F64x4, end: &mut Point<Lanes>) {
+    fn slope(
+        &self,
+        storage: &mut Storage<L>,
+        system: &PreparedLanes<'a, L>,
+        t: L,
+        end: &mut Point<VecState<L>>,
+    ) {
         system.rhs(t, &end.state, &mut end.slope);
         storage.ends[1].0.copy_from_slice(&end.slope.0);
     }
 
     fn mean_square_error(
-        storage: &Storage,
-        h: F64x4,
-        rtol: &Lanes,
-        atol: &Lanes,
-        [a, b]: [&Lanes; 2],
+        storage: &Storage<L>,
+        h: L,
+        rtol: &VecState<L>,
+        atol: &VecState<L>,
+        [a, b]: [&VecState<L>; 2],
     ) -> Option<f64> {
         let Storage { wide: Wide { tableau, sums }, stages, ends: [first, last] } = storage;
         let k = Slopes { n_stages: tableau.n_stages(), first, stored: stages, last };
