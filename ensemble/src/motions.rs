@@ -98,6 +98,14 @@ impl<E> Motions<E> {
         &self.states[first..first + self.n_state]
     }
 
+    /// Reserves room for as many trajectories in all.
+    pub(crate) fn reserve(&mut self, n: usize) {
+        self.states.reserve(n * self.n_times * self.n_state);
+        self.measures.reserve(n * self.n_times);
+        self.ends.reserve(n * self.n_state);
+        self.stats.reserve(n);
+    }
+
     /// Makes room for more trajectories.
     pub(crate) fn grow(&mut self, n: usize) {
         self.states.resize(self.states.len() + n * self.n_times * self.n_state, f64::NAN);
@@ -139,10 +147,6 @@ impl<E> Motions<E> {
     /// Takes those of a later block in, whose numbers follow.
     pub(crate) fn append(&mut self, mut later: Self) {
         let before = self.len();
-        if before == 0 {
-            *self = later;
-            return;
-        }
         self.states.append(&mut later.states);
         self.measures.append(&mut later.measures);
         self.ends.append(&mut later.ends);

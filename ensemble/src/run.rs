@@ -108,6 +108,7 @@ impl<M, L> Ensemble<M, L> {
         let block = |at: usize| {
             let (mut on_lanes, mut single) = (Space::default(), Space::default());
             let mut done = Motions::none(members.n_state, times.len());
+            done.reserve(length.min(n_groups) * L::LANES);
             for group in at * length..n_groups.min((at + 1) * length) {
                 let first = group * L::LANES;
                 let range = first..members.n.min(first + L::LANES);
@@ -117,8 +118,10 @@ impl<M, L> Ensemble<M, L> {
             }
             done
         };
+        let done = share_out(n_groups.div_ceil(length), &block);
         let mut all = Motions::none(members.n_state, times.len());
-        share_out(n_groups.div_ceil(length), &block).into_iter().for_each(|done| all.append(done));
+        all.reserve(members.n);
+        done.into_iter().for_each(|done| all.append(done));
         all
     }
 }

@@ -261,13 +261,17 @@ impl Assembler {
         self.framed(n_bytes, &[])
     }
 
-    /// The same of code in a loop, which begins at a byte the first time and runs as often as the last pointer, a
-    /// number, says; `kept` are registers with numbers that are in memory before the loop and after it.
-    pub(crate) fn finish_loop(mut self, n_bytes: usize, second: usize, kept: &[(usize, Place)]) -> Vec<u8> {
+    /// Ends a loop of all code so far, which runs as often as the last pointer, a number, says.
+    pub(crate) fn end_loop(&mut self) {
         // dec r10; jnz to the start of the code
         self.body.extend([0x49, 0xff, 0xca, 0x0f, 0x85]);
         let distance = -((self.body.len() + 4) as i32);
         self.body.extend(distance.to_le_bytes());
+    }
+
+    /// As [`finish`](Self::finish) of code that begins at a byte; `kept` are registers with numbers that are in memory
+    /// before the code and after it.
+    pub(crate) fn finish_loop(mut self, n_bytes: usize, second: usize, kept: &[(usize, Place)]) -> Vec<u8> {
         let mut entry = Assembler::new(self.encoding);
         for (register, place) in kept {
             self.store(*register, *place);

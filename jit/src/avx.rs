@@ -89,37 +89,61 @@ pub(crate) fn emit(function: &Function, program: &Program, form: Form) -> Option
 /// Bytes of a loop that the processor keeps near, beside what it works on.
 const MAX_LOOP: usize = 24_000;
 
-/// Code of a row of the midpoint rule around a right-hand side, from its second increment on:
+/// Bytes of a loop around two rows that gains by a second row: a longer right-hand side has work enough of its own
+/// while one operation waits for another.
+const MAX_LOOP_OF_TWO: usize = 12_000;
+
+/// Code of one or two rows of the midpoint rule around a right-hand side, from their second increments on:
 ///
 /// ```text
 /// even += 2 eta f(t, y + odd),  t += eta,  and then n - 1 times:
 /// odd  += 2 eta f(t, y + even), t += eta,  even += 2 eta f(t, y + odd),  t += eta
 /// ```
 ///
-/// The state is `y`, the results are `even` and, behind it, `odd`; the argument has `eta` and `2 eta`, and the last
-/// pointer is the number `n`. None for functions with operations that there is no code for, with tables, and for code
-/// so long that a loop gains nothing.
-pub(crate) fn emit_row(function: &Function, program: &Program, form: Form) -> Option<Emitted> {
+/// Of two rows, which do not depend on each other, the first goes on for another time.
+///
+/// The state is `y`, the results are `even` and, behind it, `odd`, a row behind the other; the argument has `eta` and
+/// `2 eta` of each, the time is that of each, and the last pointer is the number `n`. None for functions with operations
+/// that there is no code for, with tables, and for code so long that a loop gains nothing.
+pub(crate) fn emit_rows(
+    function: &Function,
+    program: &Program,
+    form: Form,
+    n_rows: usize,
+) -> Option<Emitted> {
     let n = program.state.len();
     if function.results.len() != n || !function.argument.is_empty() || !function.contractions.is_empty() {
         return None;
     }
     let mut writer = Writer::new(program, form);
-    let kept = Kept::increments(n, form);
-    let bodies = [(0, n), (n, 0)].map(|(at, to)| writer.substep(function, (at, to)));
-    let (mut assembler, mut n_slots, mut second) = (Assembler::new(form.encoding), 0, 0);
-    for body in bodies {
-        second = assembler.len();
-        let body = needed(body?, writer.n_temporaries);
-        n_slots = n_slots.max(allocate(&mut assembler, &body, writer.n_temporaries, &kept));
+    let kept = Kept::increments(n, n_rows, form);
+    let (mut assembler, mut n_slots) = (Assembler::new(form.encoding), 0);
+    let mut write = |rows: usize, to_even: bool, assembler: &mut Assembler| {
+        let mut all = Vec::new();
+        for row in 0..rows {
+            let (even, odd) = (2 * n * row, 2 * n * row + n);
+            all.extend(writer.substep(function, row, if to_even { (odd, even) } else { (even, odd) })?);
+        }
+        let all = needed(all, writer.n_temporaries);
+        n_slots = n_slots.max(allocate(assembler, &all, writer.n_temporaries, &kept));
+        Some(())
+    };
+    write(n_rows, false, &mut assembler)?;
+    let second = assembler.len();
+    write(n_rows, true, &mut assembler)?;
+    if assembler.len() > if n_rows == 1 { MAX_LOOP } else { MAX_LOOP_OF_TWO } {
+        return None;
     }
-    let is_short = assembler.len() <= MAX_LOOP;
-    is_short.then(|| Emitted {
-        code: assembler.finish_loop(n_slots * form.encoding.n_bytes(), second, &kept.places()),
-        constants: writer.constants,
-    })
+    assembler.end_loop();
+    if n_rows > 1 {
+        write(1, false, &mut assembler)?;
+        write(1, true, &mut assembler)?;
+    }
+    let code = assembler.finish_loop(n_slots * form.encoding.n_bytes(), second, &kept.places());
+    Some(Emitted { code, constants: writer.constants })
 }
 
+/// The instructions whose results are needed.
 /// Results that stay in registers of their own from one run through a loop to the next.
 struct Kept {
     /// Registers for everything else; those behind it keep results.
@@ -136,12 +160,13 @@ impl Kept {
         Kept { n_free: encoding.n_registers(), offsets: Vec::new() }
     }
 
-    /// The increments of the first components, as many as there are registers for.
-    fn increments(n: usize, form: Form) -> Kept {
+    /// The increments of the first components of rows, as many as there are registers for.
+    fn increments(n: usize, n_rows: usize, form: Form) -> Kept {
         let n_registers = form.encoding.n_registers();
-        let n_kept = n.min((n_registers - LEAST_FREE) / 2);
-        let offsets = (0..n_kept).chain(n..n + n_kept).map(|place| place * form.stride()).collect();
-        Kept { n_free: n_registers - 2 * n_kept, offsets }
+        let n_kept = n.min((n_registers - LEAST_FREE) / (2 * n_rows));
+        let of_each = |part: usize| (n * part..n * part + n_kept).map(|place| place * form.stride());
+        let offsets: Vec<usize> = (0..2 * n_rows).flat_map(of_each).collect();
+        Kept { n_free: n_registers - offsets.len(), offsets }
     }
 
     /// The register of a result.
@@ -193,6 +218,8 @@ struct Writer<'a> {
     /// The components of the moved state that there are.
     moved: HashMap<u32, Value>,
     has_time: bool,
+    /// Which of several rows is written.
+    row: usize,
 }
 
 impl<'a> Writer<'a> {
@@ -210,11 +237,18 @@ impl<'a> Writer<'a> {
             increments: None,
             moved: HashMap::new(),
             has_time: false,
+            row: 0,
         }
     }
 
-    /// `to += 2 eta f(t, y + at)` and the time after it, where it is read.
-    fn substep(&mut self, function: &Function, (at, to): (usize, usize)) -> Option<Vec<Instruction>> {
+    /// `to += 2 eta f(t, y + at)` of a row, and the time after it, where it is read.
+    fn substep(
+        &mut self,
+        function: &Function,
+        row: usize,
+        (at, to): (usize, usize),
+    ) -> Option<Vec<Instruction>> {
+        self.row = row;
         self.values.clear();
         self.angles.clear();
         self.moved.clear();
@@ -228,12 +262,12 @@ impl<'a> Writer<'a> {
         for (operand, (pointer, place)) in outputs(function) {
             let slope = self.read(operand);
             let before = number(pointer, to + place);
-            let after = self.mul_add(Signs::default(), number(Pointer::Argument, 1), slope, before);
+            let after = self.mul_add(Signs::default(), number(Pointer::Argument, 2 * row + 1), slope, before);
             self.instructions.push(Instruction::Store(after, pointer, (to + place) * stride));
         }
         if self.has_time {
-            let later = self.add(number(Pointer::Time, 0), number(Pointer::Argument, 0));
-            self.instructions.push(Instruction::Store(later, Pointer::Time, 0));
+            let later = self.add(number(Pointer::Time, row), number(Pointer::Argument, 2 * row));
+            self.instructions.push(Instruction::Store(later, Pointer::Time, row * stride));
         }
         Some(std::mem::take(&mut self.instructions))
     }
@@ -280,7 +314,7 @@ impl<'a> Writer<'a> {
             Operand::Input(i) => number(Pointer::Prepared, self.n_slots + i as usize),
             Operand::Time => {
                 self.has_time = true;
-                number(Pointer::Time, 0)
+                number(Pointer::Time, self.row)
             }
             Operand::State(i) => match self.increments {
                 None => number(Pointer::State, i as usize),

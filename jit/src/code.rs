@@ -381,34 +381,50 @@ type RowEntry = extern "C" fn(
     usize,
 ) -> u32;
 
-/// A row of the midpoint rule around a right-hand side as machine code on lanes at once, a register after the other.
-pub(crate) struct RowCode {
-    entry: RowEntry,
-    constants: Vec<Spread>,
+/// Rows of the midpoint rule around a right-hand side as machine code on lanes at once, a register after the other.
+pub(crate) struct RowsCode {
+    one: Loop,
+    /// Two rows at once, where that takes less time.
+    two: Option<Loop>,
     sizes: Sizes,
     form: Form,
+}
+
+/// A loop around one or two rows.
+struct Loop {
+    entry: RowEntry,
+    constants: Vec<Spread>,
     _memory: Memory,
 }
 
-impl fmt::Debug for RowCode {
+impl fmt::Debug for RowsCode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("RowCode")
+        f.debug_struct("RowsCode")
             .field("sizes", &self.sizes)
             .field("form", &self.form)
             .finish_non_exhaustive()
     }
 }
 
-impl RowCode {
-    /// Compiles a row around a function of a verified program for registers that the processor has, unless
-    /// [`avx::emit_row`] has none.
-    pub(crate) fn compile(
+/// What rows read, a row behind the other: parameters, prepared numbers, the start; times and sizes of substeps, which
+/// the code moves on.
+struct Reading<'a, L> {
+    params: &'a [L],
+    prepared: &'a [L],
+    start: &'a [L],
+    times: [L; 2],
+    steps: [L; 4],
+}
+
+impl Loop {
+    fn compile(
         isa: &OwnedTargetIsa,
         program: &Program,
         function: &Function,
         form: Form,
-    ) -> Result<Option<RowCode>, Error> {
-        let Some(avx::Emitted { code, constants }) = avx::emit_row(function, program, form) else {
+        n_rows: usize,
+    ) -> Result<Option<Loop>, Error> {
+        let Some(avx::Emitted { code, constants }) = avx::emit_rows(function, program, form, n_rows) else {
             return Ok(None);
         };
         let (address, memory) = runnable(isa, function, &code)?;
@@ -416,49 +432,92 @@ impl RowCode {
         // writes the time.
         #[allow(unsafe_code)]
         let entry = unsafe { std::mem::transmute::<*const u8, RowEntry>(address) };
-        Ok(Some(RowCode { entry, constants, sizes: Sizes::of(program, function), form, _memory: memory }))
+        Ok(Some(Loop { entry, constants, _memory: memory }))
     }
 
-    /// Runs a row; false where it has given up, and the increments are of no account.
+    /// Runs the loop `n` times on increments whose number has been compared; whether it has not given up.
+    #[inline]
+    fn run<L: Wide>(&self, form: Form, reading: &mut Reading<'_, L>, n: usize, increments: &mut [L]) -> bool {
+        form.starts().all(|lane| {
+            let at = |vector: *const L| vector.cast::<f64>().wrapping_add(lane);
+            let at_mut = |vector: *mut L| vector.cast::<f64>().wrapping_add(lane);
+            let given_up = (self.entry)(
+                at(reading.start.as_ptr()),
+                at_mut(increments.as_mut_ptr()),
+                at(reading.prepared.as_ptr()),
+                self.constants.as_ptr().cast(),
+                at(reading.params.as_ptr()),
+                at_mut(reading.times.as_mut_ptr()),
+                at(reading.steps.as_ptr()),
+                n,
+            );
+            given_up == 0
+        })
+    }
+}
+
+impl RowsCode {
+    /// Compiles rows around a function of a verified program for registers that the processor has, unless
+    /// [`avx::emit_rows`] has none.
+    pub(crate) fn compile(
+        isa: &OwnedTargetIsa,
+        program: &Program,
+        function: &Function,
+        form: Form,
+    ) -> Result<Option<RowsCode>, Error> {
+        let Some(one) = Loop::compile(isa, program, function, form, 1)? else { return Ok(None) };
+        let two = Loop::compile(isa, program, function, form, 2)?;
+        Ok(Some(RowsCode { one, two, sizes: Sizes::of(program, function), form }))
+    }
+
+    /// Runs rows, the longest first; false where one has given up, and the increments are of no account.
     ///
     /// # Panics
-    /// When a size is wrong, the code is for other lanes, or the row has no substeps.
+    /// When a size is wrong, or the code is for other lanes.
     #[inline]
     pub(crate) fn run<L: Wide>(
         &self,
         (params, prepared): (&[L], &[L]),
-        (t, eta): (L, L),
-        half: usize,
-        start: &[L],
+        (t, h): (L, L),
+        (start, slope): (&[L], &[L]),
         increments: &mut [L],
     ) -> bool {
-        let Sizes { params: n_params, prepared: n_prepared, state, argument: _, out, scalars: _ } =
+        let Sizes { params: n_params, prepared: n_prepared, state: n, argument: _, out, scalars: _ } =
             self.sizes;
         assert!(
             n_params == params.len()
                 && n_prepared == prepared.len()
-                && state == start.len()
-                && 2 * out == increments.len()
-                && self.form.lanes == L::WIDTH
-                && half > 0,
+                && n == start.len()
+                && n == slope.len()
+                && n == out
+                && increments.len().is_multiple_of(2 * n.max(1))
+                && self.form.lanes == L::WIDTH,
             "numbers of components, or of lanes"
         );
-        // The code moves the time on.
-        let (mut time, sizes) = (t, [eta, eta + eta]);
-        self.form.starts().all(|lane| {
-            let at = |vector: *const L| vector.cast::<f64>().wrapping_add(lane);
-            let at_mut = |vector: *mut L| vector.cast::<f64>().wrapping_add(lane);
-            let given_up = (self.entry)(
-                at(start.as_ptr()),
-                at_mut(increments.as_mut_ptr()),
-                at(prepared.as_ptr()),
-                self.constants.as_ptr().cast(),
-                at(params.as_ptr()),
-                at_mut(&raw mut time),
-                at(sizes.as_ptr()),
-                half,
-            );
-            given_up == 0
-        })
+        let (mut times, mut steps) = ([L::ZERO; 2], [L::ZERO; 4]);
+        let mut left = increments.len() / (2 * n.max(1));
+        let mut rest = increments;
+        while left > 0 {
+            let (code, n_rows) = match &self.two {
+                Some(two) if left > 1 => (two, 2),
+                _ => (&self.one, 1),
+            };
+            let (rows, others) = rest.split_at_mut(2 * n * n_rows);
+            rest = others;
+            for (row, increments) in rows.chunks_exact_mut(2 * n).enumerate() {
+                let eta = h * L::from_f64(1.0 / (2 * (left - row)) as f64);
+                (times[row], steps[2 * row], steps[2 * row + 1]) = (t + eta, eta, eta + eta);
+                let (even, odd) = increments.split_at_mut(n);
+                even.fill(L::ZERO);
+                odd.iter_mut().zip(slope).for_each(|(odd, slope)| *odd = eta * *slope);
+            }
+            left -= n_rows;
+            // As many as the shorter row has pairs of substeps.
+            let mut reading = Reading { params, prepared, start, times, steps };
+            if !code.run(self.form, &mut reading, left + 1, rows) {
+                return false;
+            }
+        }
+        true
     }
 }

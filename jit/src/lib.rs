@@ -53,7 +53,7 @@ pub use error::Error;
 pub use lanes::{Registers, Wide};
 pub use sums::{Slopes, WideSums};
 
-use code::{Code, RowCode, Vectors, WideCode};
+use code::{Code, RowsCode, Vectors, WideCode};
 use lanes::Form;
 use translate::Width;
 
@@ -78,7 +78,7 @@ pub struct Compiled {
     /// For each function: on [`LANES`] side by side, where the processor has registers for them.
     wide: Vec<[OnceLock<Option<WideCode>>; 2]>,
     /// For each function: rows of the midpoint rule around it, likewise.
-    rows: Vec<[OnceLock<Option<RowCode>>; 2]>,
+    rows: Vec<[OnceLock<Option<RowsCode>>; 2]>,
     preparation: Preparation,
 }
 
@@ -193,41 +193,40 @@ impl Compiled {
         self.wide[function_idx][place_of(lanes)].get_or_init(compile).as_ref()
     }
 
-    /// Runs a row of `2 half` substeps of the midpoint rule around a right-hand side, from its first increment
-    /// `d_1 = eta f(t - eta, y)` on, with the bits of its substeps by [`Run::run_at`]:
+    /// Runs rows of `2 m, .., 4, 2` substeps of the midpoint rule around a right-hand side over a step `h`, with the bits
+    /// of their substeps by [`Run::run_at`], for each row with `eta = h/(2 j)`:
     ///
     /// ```text
-    /// d_(i+1) = d_(i-1) + 2 eta f(t + (i - 1) eta, y + d_i),    i = 1, .., 2 half - 1
+    /// d_1 = eta f(t, y),    d_(i+1) = d_(i-1) + 2 eta f(t + i eta, y + d_i),    i = 1, .., 2 j - 1
     /// ```
     ///
     /// False, and increments of no account, where there is no such code for this function or this processor, and where
     /// an angle is too large for it.
     ///
     /// # Shapes
-    /// start: `y`, \[n\]; increments: \[2 n\], zero before and `d_(2 half)` after it; behind it `d_1` and
-    /// `d_(2 half - 1)`.
+    /// start: `y` and `f(t, y)`, \[n\] each; increments: \[m\]\[2\]\[n\], afterwards `d_(2 j)` and `d_(2 j - 1)`, the row
+    /// of the most substeps first.
     ///
     /// # Panics
-    /// When the function does not exist, a size is wrong, or there are no substeps.
+    /// When the function does not exist, or a size is wrong.
     ///
     /// # Source
     /// Gragg 1965; Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I (1993), section II.9.
-    pub fn run_row<L: Wide>(
+    pub fn run_rows<L: Wide>(
         &self,
         function_idx: usize,
         values: (&[L], &[L]),
         times: (L, L),
-        half: usize,
-        start: &[L],
+        start: (&[L], &[L]),
         increments: &mut [L],
     ) -> bool {
-        let function = &self.program.functions[function_idx];
-        let compile = || {
+        let code = self.rows[function_idx][place_of(L::WIDTH)].get_or_init(|| {
             let form = Form::of(L::WIDTH, self.registers)?;
-            RowCode::compile(&self.isa, &self.program, function, form).ok().flatten()
-        };
-        let code = self.rows[function_idx][place_of(L::WIDTH)].get_or_init(compile);
-        code.as_ref().is_some_and(|code| code.run(values, times, half, start, increments))
+            RowsCode::compile(&self.isa, &self.program, &self.program.functions[function_idx], form)
+                .ok()
+                .flatten()
+        });
+        code.as_ref().is_some_and(|code| code.run(values, times, start, increments))
     }
 
     /// Calls a function on all lanes; whether it has answered.

@@ -120,13 +120,14 @@ impl WideSums {
     /// to + its residue = from + its residue + sum_j weights_j0 d_j,    error = per_h sum_j weights_j1 d_j
     /// ```
     ///
-    /// of pairs of states and residues, with the increments `d_j` at the start of the rows.
+    /// of pairs of states and residues, with the increments `d_j` at the start of rows of twice as many numbers, the last
+    /// row first.
     ///
     /// # Panics
     /// When the numbers of components differ, or a row has fewer.
     pub fn extrapolate<L: Wide>(
         self,
-        (weights, rows): (&[[f64; 2]], &[Vec<L>]),
+        (weights, rows): (&[[f64; 2]], &[L]),
         per_h: L,
         (y, residue): (&[L], &[L]),
         (to, to_residue): (&mut [L], &mut [L]),
@@ -137,7 +138,7 @@ impl WideSums {
             residue.len() == n && to.len() == n && to_residue.len() == n && error.len() == n,
             "components"
         );
-        assert!(rows.iter().all(|row| row.len() >= n), "components");
+        assert!(rows.len() == weights.len() * 2 * n, "components");
         in_registers!(self, L, extrapolate((weights, rows), per_h, (y, residue), (to, to_residue), error))
     }
 
@@ -316,11 +317,12 @@ mod x86 {
             }
 
             /// # Safety
-            /// There are these registers, `L` has as many lanes, all slices have the same length, and no row is shorter.
+            /// There are these registers, `L` has as many lanes, all slices have the same length, and each row twice
+            /// as much.
             #[target_feature(enable = $feature)]
             #[allow(unsafe_code)]
             pub(in super::super) unsafe fn extrapolate<L: Wide>(
-                (weights, rows): (&[[f64; 2]], &[Vec<L>]),
+                (weights, rows): (&[[f64; 2]], &[L]),
                 per_h: L,
                 (y, residue): (&[L], &[L]),
                 (to, to_residue): (&mut [L], &mut [L]),
@@ -331,8 +333,8 @@ mod x86 {
                     let per_h = load(&[per_h], 0);
                     for c in 0..y.len() {
                         let (mut sum, mut error) = (zero(), zero());
-                        for ([weight, excess], row) in weights.iter().zip(rows) {
-                            let increment = load(row, c);
+                        for ([weight, excess], row) in weights.iter().zip((0..weights.len()).rev()) {
+                            let increment = load(rows, 2 * row * y.len() + c);
                             sum = add(mul(splat(*weight), increment), sum);
                             error = add(mul(splat(*excess), increment), error);
                         }

@@ -90,11 +90,11 @@ impl<L: Several> LaneDynamics<L> for OnLanes<'_, L> {
         }
     }
 
-    fn run_row(&self, times: (L, L), half: usize, start: &[L], increments: &mut [L]) -> bool {
+    fn run_rows(&self, times: (L, L), start: (&[L], &[L]), increments: &mut [L]) -> bool {
         let (compiled, rate) = self.rate;
         let values = self.driving.interpreter.values_of_functions();
         // What drives inputs is looked up between the substeps.
-        self.driving.drive.is_none() && compiled.run_row(rate, values, times, half, start, increments)
+        self.driving.drive.is_none() && compiled.run_rows(rate, values, times, start, increments)
     }
 
     fn hold(&mut self, inputs: &[L]) -> bool {

@@ -201,15 +201,14 @@ pub trait LaneDynamics<L: Several>: Send + Sync {
     /// As [`Dynamics::energy`].
     fn energy(&self, t: L, y: &VecState<L>) -> Option<L>;
 
-    /// Runs a row of `2 half` substeps `eta` of the midpoint rule from its first increment on, with the bits of the
-    /// same substeps by [`rhs`](Self::rhs); `t` is the time after the first substep. False, and increments of no
-    /// account, where there is no machine code for that.
+    /// Runs rows of `2 m, .., 4, 2` substeps of the midpoint rule over a step `h` from `t` on, with the bits of the same
+    /// substeps by [`rhs`](Self::rhs). False, and increments of no account, where there is no machine code for that.
     ///
     /// # Shapes
-    /// start: \[n_state\]; increments: \[2 n_state\], zero before and the last one after it; behind it the first one
-    /// before, and the one before the last after it.
-    fn run_row(&self, (t, eta): (L, L), half: usize, start: &[L], increments: &mut [L]) -> bool {
-        let _ = (t, eta, half, start, increments);
+    /// start: a state and its derivative, \[n_state\] each; increments: \[m\]\[2\]\[n_state\], afterwards the last one of
+    /// each row and the one before, the row of the most substeps first.
+    fn run_rows(&self, (t, h): (L, L), start: (&[L], &[L]), increments: &mut [L]) -> bool {
+        let _ = (t, h, start, increments);
         false
     }
 

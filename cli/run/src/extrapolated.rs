@@ -54,23 +54,25 @@ impl Extrapolated {
 /// What the method keeps from one step to the next.
 pub(crate) struct Storage<L> {
     sums: WideSums,
-    /// Of each row the last increment, and the one before behind it.
-    rows: Vec<Vec<L>>,
+    /// Of each row the last increment, and the one before behind it, the longest row first.
+    rows: Vec<L>,
     /// The estimate of the error, divided by the step.
     estimate: [VecState<L>; 1],
     slope: VecState<L>,
 }
 
-/// A row of `2 half` substeps of size `eta` over a step, where there is no machine code for it.
+/// A row of `2 half` substeps over a step, where there is no machine code for it.
 fn run_row<L: Several>(
     step: &mut Step<'_, L, PreparedLanes<'_, L>>,
-    eta: L,
     half: usize,
     slope: &mut VecState<L>,
     increments: &mut [L],
 ) {
-    let (mut t, twice, n) = (step.t + eta, eta + eta, slope.0.len());
-    let (even, odd) = increments.split_at_mut(n);
+    let eta = step.h * L::from_f64(1.0 / (2 * half) as f64);
+    let (mut t, twice) = (step.t + eta, eta + eta);
+    let (even, odd) = increments.split_at_mut(slope.0.len());
+    even.fill(L::ZERO);
+    odd.iter_mut().zip(&step.from.slope.0).for_each(|(odd, f)| *odd = eta * *f);
     let (y, point, system) = (&step.from.state.0, &mut *step.work, step.system);
     let mut substep = |at: &[L], to: &mut [L]| {
         for ((point, at), y) in point.0.iter_mut().zip(at).zip(y) {
@@ -105,7 +107,7 @@ where
 
     fn storage(&self, _: &PreparedLanes<'a, L>, _: L, y0: &VecState<L>, _: &Options<L>) -> Storage<L> {
         let zeros = VecState(vec![L::ZERO; y0.0.len()]);
-        let rows = vec![vec![L::ZERO; 2 * y0.0.len()]; N_ROWS];
+        let rows = vec![L::ZERO; N_ROWS * 2 * y0.0.len()];
         Storage { sums: self.0, rows, estimate: [zeros.clone()], slope: zeros }
     }
 
@@ -127,20 +129,11 @@ where
         step: &mut Step<'_, L, PreparedLanes<'a, L>>,
     ) -> Result<(), Error> {
         let Storage { sums, rows, estimate: [estimate], slope } = storage;
-        let n = slope.0.len();
-        for (row, increments) in rows.iter_mut().enumerate() {
-            let half = row + 1;
-            let eta = step.h * L::from_f64(1.0 / (2 * half) as f64);
-            let begin = |increments: &mut [L]| {
-                let (even, odd) = increments.split_at_mut(n);
-                even.fill(L::ZERO);
-                odd.iter_mut().zip(&step.from.slope.0).for_each(|(odd, f)| *odd = eta * *f);
-            };
-            begin(increments);
-            let (y, times) = (&step.from.state.0, (step.t + eta, eta));
-            if !step.system.run_row(times, half, y, increments) {
-                begin(increments);
-                run_row(step, eta, half, slope, increments);
+        let start = (step.from.state.0.as_slice(), step.from.slope.0.as_slice());
+        if !step.system.run_rows((step.t, step.h), start, rows) {
+            let n = slope.0.len();
+            for (row, increments) in rows.chunks_exact_mut(2 * n.max(1)).enumerate() {
+                run_row(step, N_ROWS - row, slope, increments);
             }
         }
         let from = (step.from.state.0.as_slice(), step.from.residue.0.as_slice());

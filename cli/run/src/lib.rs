@@ -12,6 +12,7 @@ mod any_method;
 pub mod asked;
 pub mod auto;
 pub mod bars;
+pub mod bytes;
 pub mod cache;
 pub mod choice;
 mod constraint_rows;

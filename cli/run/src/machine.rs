@@ -54,13 +54,12 @@ mod nothing {
             self
         }
 
-        pub(in super::super) fn run_row<L>(
+        pub(in super::super) fn run_rows<L>(
             &self,
             _: usize,
             _: (&[L], &[L]),
             _: (L, L),
-            _: usize,
-            _: &[L],
+            _: (&[L], &[L]),
             _: &mut [L],
         ) -> bool {
             match *self {}
@@ -92,7 +91,7 @@ mod nothing {
 
         pub(in super::super) fn extrapolate<L>(
             self,
-            _: (&[[f64; 2]], &[Vec<L>]),
+            _: (&[[f64; 2]], &[L]),
             _: L,
             _: (&[L], &[L]),
             _: (&mut [L], &mut [L]),

@@ -215,8 +215,11 @@ impl<'a> Plan<'a> {
         let names = self.names();
         let alike = starts.alike(&self.set, &self.given, &names);
         let alike_at_points = starts.alike(&self.set, &self.given, &self.names);
-        let place = |spread: &Spread| names.iter().position(|name| *name == spread.name);
-        let drawn_at: Vec<usize> = self.arguments.spread.iter().filter_map(place).collect();
+        let place = |spread: &Spread| {
+            let at = names.iter().position(|name| *name == spread.name)?;
+            Some((at, spread.key(self.arguments.seed)))
+        };
+        let drawn_at: Vec<(usize, u64)> = self.arguments.spread.iter().filter_map(place).collect();
         let mut drawing = Drawing {
             plan: self,
             starts,
@@ -289,8 +292,8 @@ struct Drawing<'p, 'a> {
     scene: &'p Built,
     /// Names of all that varies.
     names: Vec<String>,
-    /// Places among them of the drawn values.
-    drawn_at: Vec<usize>,
+    /// Places among them of the drawn values, and the keys by which these are drawn.
+    drawn_at: Vec<(usize, u64)>,
     /// Starts that are the same but for what varies, if they are.
     alike: Option<Alike>,
     first_point: usize,
@@ -368,8 +371,8 @@ impl Drawing<'_, '_> {
         values.clear();
         self.plan.add_point(k / self.plan.count(), values);
         values.resize(self.names.len(), f64::NAN);
-        for (spread, at) in self.plan.arguments.spread.iter().zip(&self.drawn_at) {
-            values[*at] = spread.draw(alike.value(*at, around), self.plan.arguments.seed, k);
+        for (spread, (at, key)) in self.plan.arguments.spread.iter().zip(&self.drawn_at) {
+            values[*at] = spread.draw_by(*key, alike.value(*at, around), k);
         }
         alike.write(values, params, state);
         true
