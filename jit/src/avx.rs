@@ -119,12 +119,13 @@ pub(crate) fn emit_rows(
     let kept = Kept::increments(n, n_rows, form);
     let (mut assembler, mut n_slots) = (Assembler::new(form.encoding), 0);
     let mut write = |rows: usize, to_even: bool, assembler: &mut Assembler| {
-        let mut all = Vec::new();
+        let mut bodies = Vec::new();
         for row in 0..rows {
             let (even, odd) = (2 * n * row, 2 * n * row + n);
-            all.extend(writer.substep(function, row, if to_even { (odd, even) } else { (even, odd) })?);
+            let body = writer.substep(function, row, if to_even { (odd, even) } else { (even, odd) })?;
+            bodies.push(needed(body, writer.n_temporaries));
         }
-        let all = needed(all, writer.n_temporaries);
+        let all = in_turn(bodies);
         n_slots = n_slots.max(allocate(assembler, &all, writer.n_temporaries, &kept));
         Some(())
     };
@@ -144,6 +145,12 @@ pub(crate) fn emit_rows(
 }
 
 /// The instructions whose results are needed.
+/// Instructions of rows that are alike, one of each in turn: what both read is read once.
+fn in_turn(bodies: Vec<Vec<Instruction>>) -> Vec<Instruction> {
+    let n = bodies.iter().map(Vec::len).max().unwrap_or(0);
+    (0..n).flat_map(|at| bodies.iter().filter_map(move |body| body.get(at).copied())).collect()
+}
+
 /// Results that stay in registers of their own from one run through a loop to the next.
 struct Kept {
     /// Registers for everything else; those behind it keep results.
@@ -485,6 +492,9 @@ struct Allocation<'a> {
     kept: &'a Kept,
     /// What each register has that is free for values.
     contents: Vec<Option<usize>>,
+    /// Numbers of vectors that nothing is written to, by their place among the values, behind the temporary ones.
+    numbers: HashMap<(Pointer, usize), usize>,
+    n_temporaries: usize,
     /// The register of each value.
     registers: Vec<Option<usize>>,
     /// The place of each value on the stack, once it has one.
@@ -502,11 +512,18 @@ fn allocate(
     kept: &Kept,
 ) -> usize {
     let mut uses: Vec<Vec<usize>> = vec![Vec::new(); n_temporaries];
+    let mut numbers = HashMap::new();
     for (at, instruction) in instructions.iter().enumerate().rev() {
         for operand in instruction.operands() {
-            if let Value::Temporary(k) = operand {
-                uses[k].push(at);
-            }
+            let k = match operand {
+                Value::Temporary(k) => k,
+                Value::Number(Pointer::Out | Pointer::Time | Pointer::Scalars, _) => continue,
+                Value::Number(pointer, offset) => *numbers.entry((pointer, offset)).or_insert_with(|| {
+                    uses.push(Vec::new());
+                    uses.len() - 1
+                }),
+            };
+            uses[k].push(at);
         }
     }
     let mut allocation = Allocation {
@@ -514,8 +531,10 @@ fn allocate(
         assembler,
         kept,
         contents: vec![None; kept.n_free],
-        registers: vec![None; n_temporaries],
+        registers: vec![None; uses.len()],
         slots: vec![None; n_temporaries],
+        numbers,
+        n_temporaries,
         n_slots: 0,
         uses,
     };
@@ -534,7 +553,7 @@ impl Allocation<'_> {
                     operation.commutes() && self.register(a).is_none() && self.register(b).is_some();
                 let (a, b) = if is_swapped { (b, a) } else { (a, b) };
                 let first = self.loaded(a, &[b]);
-                let second = self.place(b);
+                let second = self.place_near(b, at, &[first]);
                 self.forget(at, instruction);
                 let target = self.target(to, &[first, second]);
                 self.assembler.binary(operation, target, first.register(), second);
@@ -583,14 +602,17 @@ impl Allocation<'_> {
     fn register(&self, value: Value) -> Option<usize> {
         match value {
             Value::Temporary(k) => self.registers[k],
-            Value::Number(pointer, offset) => self.kept.register(pointer, offset),
+            Value::Number(pointer, offset) => {
+                let of_number = || self.registers[*self.numbers.get(&(pointer, offset))?];
+                self.kept.register(pointer, offset).or_else(of_number)
+            }
         }
     }
 
     /// Where a value is.
     fn place(&self, value: Value) -> Place {
         match value {
-            Value::Number(pointer, offset) => match self.kept.register(pointer, offset) {
+            Value::Number(pointer, offset) => match self.register(value) {
                 Some(register) => Place::Register(register),
                 None => Place::Number(pointer, offset),
             },
@@ -600,6 +622,28 @@ impl Allocation<'_> {
                 (None, None) => unreachable!("a value that is read before it is computed"),
             },
         }
+    }
+
+    /// The place of a value among all, unless it is a number that may change.
+    fn index(&self, value: Value) -> Option<usize> {
+        match value {
+            Value::Temporary(k) => Some(k),
+            Value::Number(pointer, offset) => self.numbers.get(&(pointer, offset)).copied(),
+        }
+    }
+
+    /// Where an operand is; a number that is needed again goes to a register if one is free.
+    fn place_near(&mut self, value: Value, at: usize, beside: &[Place]) -> Place {
+        let place = self.place(value);
+        let (Place::Number(..), Some(k)) = (place, self.index(value)) else { return place };
+        let is_needed_again = self.uses[k].iter().any(|own| *own > at);
+        let is_free = |r: &usize| self.contents[*r].is_none() && !beside.contains(&Place::Register(*r));
+        let found = (0..self.contents.len()).find(is_free).filter(|_| is_needed_again);
+        let Some(register) = found else { return place };
+        self.assembler.load(register, place);
+        self.registers[k] = Some(register);
+        self.contents[register] = Some(k);
+        Place::Register(register)
     }
 
     /// A value in a register, beside others that are kept where they are.
@@ -616,7 +660,7 @@ impl Allocation<'_> {
         kept.extend(keep.iter().map(|value| self.place(*value)));
         let register = self.free(&kept);
         self.assembler.load(register, place);
-        if let Value::Temporary(k) = value {
+        if let Some(k) = self.index(value) {
             self.registers[k] = Some(register);
             self.contents[register] = Some(k);
         }
@@ -636,8 +680,8 @@ impl Allocation<'_> {
         register
     }
 
-    /// A register that is free, or whose value is needed last among the others that are not kept, which goes to the
-    /// stack.
+    /// A register that is free, or whose value is needed last among the others that are not kept: of a number, which is
+    /// in memory anyway, or of another value, which goes to the stack.
     fn free(&mut self, kept: &[Place]) -> usize {
         let is_kept = |register: usize| kept.contains(&Place::Register(register));
         let unused = (0..self.contents.len()).find(|r| self.contents[*r].is_none() && !is_kept(*r));
@@ -649,11 +693,13 @@ impl Allocation<'_> {
             self.contents[*register].map_or(usize::MAX, of)
         };
         // Instructions have three operands, and there are more registers.
-        let found = (0..self.contents.len()).filter(|r| !is_kept(*r)).max_by_key(next_use);
+        let is_number = |r: &usize| self.contents[*r].is_some_and(|k| k >= self.n_temporaries);
+        let found =
+            (0..self.contents.len()).filter(|r| !is_kept(*r)).max_by_key(|r| (is_number(r), next_use(r)));
         let register = found.expect("a register");
         if let Some(k) = self.contents[register].take() {
             self.registers[k] = None;
-            if self.slots[k].is_none() {
+            if k < self.n_temporaries && self.slots[k].is_none() {
                 self.slots[k] = Some(self.n_slots);
                 self.n_slots += 1;
                 self.assembler.store(register, self.place(Value::Temporary(k)));
@@ -665,13 +711,12 @@ impl Allocation<'_> {
     /// Forgets the operands of an instruction that no later one needs.
     fn forget(&mut self, at: usize, instruction: &Instruction) {
         for operand in instruction.operands() {
-            if let Value::Temporary(k) = operand {
-                while self.uses[k].last() == Some(&at) {
-                    self.uses[k].pop();
-                }
-                if self.uses[k].is_empty() {
-                    self.release(k);
-                }
+            let Some(k) = self.index(operand) else { continue };
+            while self.uses[k].last() == Some(&at) {
+                self.uses[k].pop();
+            }
+            if self.uses[k].is_empty() {
+                self.release(k);
             }
         }
     }

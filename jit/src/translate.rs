@@ -58,7 +58,7 @@ impl Width {
 }
 
 /// Pointers that a compiled function takes, in order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Pointer {
     State,
     Out,
