@@ -269,18 +269,13 @@ impl Assembler {
         self.body.extend(distance.to_le_bytes());
     }
 
-    /// As [`finish`](Self::finish) of code that begins at a byte; `kept` are registers with numbers that are in memory
-    /// before the code and after it.
-    pub(crate) fn finish_loop(mut self, n_bytes: usize, second: usize, kept: &[(usize, Place)]) -> Vec<u8> {
-        let mut entry = Assembler::new(self.encoding);
-        for (register, place) in kept {
-            self.store(*register, *place);
-            entry.load(*register, *place);
-        }
+    /// As [`finish`](Self::finish) of code that begins at a byte, behind an entry.
+    pub(crate) fn finish_loop(self, n_bytes: usize, entry: &Assembler, first: usize) -> Vec<u8> {
+        let mut entry = entry.body.clone();
         // jmp
-        entry.body.push(0xe9);
-        entry.body.extend((second as u32).to_le_bytes());
-        self.framed(n_bytes, &entry.body)
+        entry.push(0xe9);
+        entry.extend((first as u32).to_le_bytes());
+        self.framed(n_bytes, &entry)
     }
 
     /// A function with something before its code.

@@ -93,18 +93,18 @@ const MAX_LOOP: usize = 24_000;
 /// while one operation waits for another.
 const MAX_LOOP_OF_TWO: usize = 12_000;
 
-/// Code of one or two rows of the midpoint rule around a right-hand side, from their second increments on:
+/// Code of one or two rows of the midpoint rule around a right-hand side:
 ///
 /// ```text
-/// even += 2 eta f(t, y + odd),  t += eta,  and then n - 1 times:
+/// even = 0,  odd = eta f,  even += 2 eta f(t, y + odd),  t += eta,  and then n - 1 times:
 /// odd  += 2 eta f(t, y + even), t += eta,  even += 2 eta f(t, y + odd),  t += eta
 /// ```
 ///
 /// Of two rows, which do not depend on each other, the first goes on for another time.
 ///
-/// The state is `y`, the results are `even` and, behind it, `odd`, a row behind the other; the argument has `eta` and
-/// `2 eta` of each, the time is that of each, and the last pointer is the number `n`. None for functions with operations
-/// that there is no code for, with tables, and for code so long that a loop gains nothing.
+/// The state is `y`, the argument `f`; the results are `even` and, behind it, `odd`, a row behind the other. The time is
+/// that of two rows, and behind it `eta` and `2 eta` of each; the last pointer is the number `n`. None for functions with
+/// operations that there is no code for, with tables, and for code so long that a loop gains nothing.
 pub(crate) fn emit_rows(
     function: &Function,
     program: &Program,
@@ -115,8 +115,25 @@ pub(crate) fn emit_rows(
     if function.results.len() != n || !function.argument.is_empty() || !function.contractions.is_empty() {
         return None;
     }
-    let mut writer = Writer::new(program, form);
+    // Increments stay in registers where everything else does.
     let kept = Kept::increments(n, n_rows, form);
+    let (emitted, n_slots) = emit_rows_beside(&kept, function, program, form, n_rows)?;
+    if n_slots == 0 || kept.offsets.is_empty() {
+        return Some(emitted);
+    }
+    Some(emit_rows_beside(&Kept::nothing(form.encoding), function, program, form, n_rows)?.0)
+}
+
+/// The same beside increments that stay in registers, and how many other values are on the stack.
+fn emit_rows_beside(
+    kept: &Kept,
+    function: &Function,
+    program: &Program,
+    form: Form,
+    n_rows: usize,
+) -> Option<(Emitted, usize)> {
+    let n = program.state.len();
+    let mut writer = Writer::new(program, form);
     let (mut assembler, mut n_slots) = (Assembler::new(form.encoding), 0);
     let mut write = |rows: usize, to_even: bool, assembler: &mut Assembler| {
         let mut bodies = Vec::new();
@@ -126,7 +143,7 @@ pub(crate) fn emit_rows(
             bodies.push(needed(body, writer.n_temporaries));
         }
         let all = in_turn(bodies);
-        n_slots = n_slots.max(allocate(assembler, &all, writer.n_temporaries, &kept));
+        n_slots = n_slots.max(allocate(assembler, &all, writer.n_temporaries, kept));
         Some(())
     };
     write(n_rows, false, &mut assembler)?;
@@ -140,11 +157,48 @@ pub(crate) fn emit_rows(
         write(1, false, &mut assembler)?;
         write(1, true, &mut assembler)?;
     }
-    let code = assembler.finish_loop(n_slots * form.encoding.n_bytes(), second, &kept.places());
-    Some(Emitted { code, constants: writer.constants })
+    for (register, place) in kept.places() {
+        assembler.store(register, place);
+    }
+    let entry = entry_of_rows(kept, n, form, n_rows);
+    let code = assembler.finish_loop(n_slots * form.encoding.n_bytes(), &entry, second);
+    Some((Emitted { code, constants: writer.constants }, n_slots))
 }
 
-/// The instructions whose results are needed.
+/// `even = 0` and `odd = eta f` for each row.
+fn entry_of_rows(kept: &Kept, n: usize, form: Form, n_rows: usize) -> Assembler {
+    // Registers that nothing is kept in.
+    let (zero, slope, scratch) = (0, 1, 2);
+    let mut entry = Assembler::new(form.encoding);
+    let number = |pointer: Pointer, place: usize| Place::Number(pointer, place * form.stride());
+    entry.binary(Binary::Xor, zero, zero, Place::Register(zero));
+    for component in 0..n {
+        entry.load(slope, number(Pointer::Argument, component));
+        for row in 0..n_rows {
+            let (even, odd) = (2 * n * row + component, 2 * n * row + n + component);
+            let register = |place: usize| kept.register(Pointer::Out, place * form.stride());
+            let target = register(odd).unwrap_or(scratch);
+            entry.binary(Binary::Mul, target, slope, number(Pointer::Time, size_of_row(row)));
+            if target == scratch {
+                entry.store(scratch, number(Pointer::Out, odd));
+            }
+            match register(even) {
+                Some(own) => entry.load(own, Place::Register(zero)),
+                None => entry.store(zero, number(Pointer::Out, even)),
+            }
+        }
+    }
+    entry
+}
+
+/// Most rows of a loop, whose times are the first numbers behind the pointer of the time.
+pub(crate) const MOST_ROWS: usize = 2;
+
+/// Where `eta` of a row is behind the pointer of the time; behind it is `2 eta`.
+pub(crate) const fn size_of_row(row: usize) -> usize {
+    MOST_ROWS + 2 * row
+}
+
 /// Instructions of rows that are alike, one of each in turn: what both read is read once.
 fn in_turn(bodies: Vec<Vec<Instruction>>) -> Vec<Instruction> {
     let n = bodies.iter().map(Vec::len).max().unwrap_or(0);
@@ -269,11 +323,12 @@ impl<'a> Writer<'a> {
         for (operand, (pointer, place)) in outputs(function) {
             let slope = self.read(operand);
             let before = number(pointer, to + place);
-            let after = self.mul_add(Signs::default(), number(Pointer::Argument, 2 * row + 1), slope, before);
+            let after =
+                self.mul_add(Signs::default(), number(Pointer::Time, size_of_row(row) + 1), slope, before);
             self.instructions.push(Instruction::Store(after, pointer, (to + place) * stride));
         }
         if self.has_time {
-            let later = self.add(number(Pointer::Time, row), number(Pointer::Argument, 2 * row));
+            let later = self.add(number(Pointer::Time, row), number(Pointer::Time, size_of_row(row)));
             self.instructions.push(Instruction::Store(later, Pointer::Time, row * stride));
         }
         Some(std::mem::take(&mut self.instructions))
@@ -513,11 +568,19 @@ fn allocate(
 ) -> usize {
     let mut uses: Vec<Vec<usize>> = vec![Vec::new(); n_temporaries];
     let mut numbers = HashMap::new();
+    let written: Vec<usize> = instructions
+        .iter()
+        .filter_map(|instruction| match instruction {
+            Instruction::Store(_, Pointer::Time, offset) => Some(*offset),
+            _ => None,
+        })
+        .collect();
     for (at, instruction) in instructions.iter().enumerate().rev() {
         for operand in instruction.operands() {
             let k = match operand {
                 Value::Temporary(k) => k,
-                Value::Number(Pointer::Out | Pointer::Time | Pointer::Scalars, _) => continue,
+                Value::Number(Pointer::Out | Pointer::Scalars, _) => continue,
+                Value::Number(Pointer::Time, offset) if written.contains(&offset) => continue,
                 Value::Number(pointer, offset) => *numbers.entry((pointer, offset)).or_insert_with(|| {
                     uses.push(Vec::new());
                     uses.len() - 1

@@ -406,14 +406,13 @@ impl fmt::Debug for RowsCode {
     }
 }
 
-/// What rows read, a row behind the other: parameters, prepared numbers, the start; times and sizes of substeps, which
-/// the code moves on.
+/// What rows read: parameters, prepared numbers, the state and its derivative; times, which the code moves on, and sizes
+/// of substeps.
 struct Reading<'a, L> {
     params: &'a [L],
     prepared: &'a [L],
-    start: &'a [L],
-    times: [L; 2],
-    steps: [L; 4],
+    start: (&'a [L], &'a [L]),
+    times: [L; 3 * avx::MOST_ROWS],
 }
 
 impl Loop {
@@ -442,13 +441,13 @@ impl Loop {
             let at = |vector: *const L| vector.cast::<f64>().wrapping_add(lane);
             let at_mut = |vector: *mut L| vector.cast::<f64>().wrapping_add(lane);
             let given_up = (self.entry)(
-                at(reading.start.as_ptr()),
+                at(reading.start.0.as_ptr()),
                 at_mut(increments.as_mut_ptr()),
                 at(reading.prepared.as_ptr()),
                 self.constants.as_ptr().cast(),
                 at(reading.params.as_ptr()),
                 at_mut(reading.times.as_mut_ptr()),
-                at(reading.steps.as_ptr()),
+                at(reading.start.1.as_ptr()),
                 n,
             );
             given_up == 0
@@ -490,12 +489,14 @@ impl RowsCode {
                 && n == start.len()
                 && n == slope.len()
                 && n == out
-                && increments.len().is_multiple_of(2 * n.max(1))
+                && n > 0
+                && increments.len().is_multiple_of(2 * n)
                 && self.form.lanes == L::WIDTH,
             "numbers of components, or of lanes"
         );
-        let (mut times, mut steps) = ([L::ZERO; 2], [L::ZERO; 4]);
-        let mut left = increments.len() / (2 * n.max(1));
+        let mut reading =
+            Reading { params, prepared, start: (start, slope), times: [L::ZERO; 3 * avx::MOST_ROWS] };
+        let mut left = increments.len() / (2 * n);
         let mut rest = increments;
         while left > 0 {
             let (code, n_rows) = match &self.two {
@@ -504,16 +505,14 @@ impl RowsCode {
             };
             let (rows, others) = rest.split_at_mut(2 * n * n_rows);
             rest = others;
-            for (row, increments) in rows.chunks_exact_mut(2 * n).enumerate() {
+            for row in 0..n_rows {
                 let eta = h * L::from_f64(1.0 / (2 * (left - row)) as f64);
-                (times[row], steps[2 * row], steps[2 * row + 1]) = (t + eta, eta, eta + eta);
-                let (even, odd) = increments.split_at_mut(n);
-                even.fill(L::ZERO);
-                odd.iter_mut().zip(slope).for_each(|(odd, slope)| *odd = eta * *slope);
+                let size = avx::size_of_row(row);
+                (reading.times[row], reading.times[size], reading.times[size + 1]) =
+                    (t + eta, eta, eta + eta);
             }
             left -= n_rows;
             // As many as the shorter row has pairs of substeps.
-            let mut reading = Reading { params, prepared, start, times, steps };
             if !code.run(self.form, &mut reading, left + 1, rows) {
                 return false;
             }

@@ -201,7 +201,15 @@ fn timing() {
         let program = scene::build(&model, "default").unwrap_or_else(|e| panic!("{e}")).into_program();
         let compiled = Compiled::new(&program).unwrap();
         let rate = program.function_idx(&Role::Rate).unwrap();
-        let params: Vec<f64> = model.params.iter().map(|p| { let q = &p.default; let f = |x: &dyn std::fmt::Display| x.to_string().parse::<f64>().unwrap(); f(q.numer()) / f(q.denom()) }).collect();
+        let params: Vec<f64> = model
+            .params
+            .iter()
+            .map(|p| {
+                let q = &p.default;
+                let f = |x: &dyn std::fmt::Display| x.to_string().parse::<f64>().unwrap();
+                f(q.numer()) / f(q.denom())
+            })
+            .collect();
         let prepared = program.prepare(&params).unwrap();
         let wide: (Vec<F64x8>, Vec<F64x8>) = (splat(&params), splat(&prepared));
         let n = program.state.len();
