@@ -16,7 +16,7 @@ use hamel_runtime::math::kernel::BOUND;
 
 use crate::assembler::{Assembler, Binary, Place};
 use crate::kernel::{Step, kernel};
-use crate::lanes::{Encoding, Form};
+use crate::lanes::Form;
 use crate::translate::{Pointer, outputs};
 
 /// A constant on every lane of the largest register.
@@ -82,16 +82,20 @@ pub(crate) fn emit(function: &Function, program: &Program, form: Form) -> Option
     let Writer { instructions, n_temporaries, constants, .. } = writer;
     let mut assembler = Assembler::new(form.encoding);
     let instructions = needed(instructions, n_temporaries);
-    let n_slots = allocate(&mut assembler, &instructions, n_temporaries, &Kept::nothing(form.encoding));
+    let n_slots = allocate(&mut assembler, &instructions, n_temporaries);
     Some(Emitted { code: assembler.finish(n_slots * form.encoding.n_bytes()), constants })
 }
 
 /// Bytes of a loop that the processor keeps near, beside what it works on.
 const MAX_LOOP: usize = 24_000;
 
-/// Bytes of a loop around two rows that gains by a second row: a longer right-hand side has work enough of its own
-/// while one operation waits for another.
-const MAX_LOOP_OF_TWO: usize = 12_000;
+/// Instructions of a substep that the processor looks beyond: it works on the next row meanwhile, though that stands
+/// behind. Longer substeps are written one instruction in turn.
+///
+/// Nanoseconds an evaluation of the right-hand side of `heavy_top`, `kirchhoff_body`, `chaplygin_ball` and
+/// `two_arm_satellite` on eight lanes (AVX-512, AMD EPYC of family 25) with two rows one after the other: 10.2, 28.3, 26.6,
+/// 60.3; in turn: 11.1, 26.5, 26.7, 56.6; with one row alone 14.8, 34.3, 31.9, 63.4.
+const MAX_IN_SIGHT: usize = 80;
 
 /// Code of one or two rows of the midpoint rule around a right-hand side:
 ///
@@ -115,24 +119,6 @@ pub(crate) fn emit_rows(
     if function.results.len() != n || !function.argument.is_empty() || !function.contractions.is_empty() {
         return None;
     }
-    // Increments stay in registers where everything else does.
-    let kept = Kept::increments(n, n_rows, form);
-    let (emitted, n_slots) = emit_rows_beside(&kept, function, program, form, n_rows)?;
-    if n_slots == 0 || kept.offsets.is_empty() {
-        return Some(emitted);
-    }
-    Some(emit_rows_beside(&Kept::nothing(form.encoding), function, program, form, n_rows)?.0)
-}
-
-/// The same beside increments that stay in registers, and how many other values are on the stack.
-fn emit_rows_beside(
-    kept: &Kept,
-    function: &Function,
-    program: &Program,
-    form: Form,
-    n_rows: usize,
-) -> Option<(Emitted, usize)> {
-    let n = program.state.len();
     let mut writer = Writer::new(program, form);
     let (mut assembler, mut n_slots) = (Assembler::new(form.encoding), 0);
     let mut write = |rows: usize, to_even: bool, assembler: &mut Assembler| {
@@ -142,14 +128,15 @@ fn emit_rows_beside(
             let body = writer.substep(function, row, if to_even { (odd, even) } else { (even, odd) })?;
             bodies.push(needed(body, writer.n_temporaries));
         }
-        let all = in_turn(bodies);
-        n_slots = n_slots.max(allocate(assembler, &all, writer.n_temporaries, kept));
+        let is_short = bodies.iter().all(|body| body.len() <= MAX_IN_SIGHT);
+        let all = if is_short { bodies.concat() } else { in_turn(bodies) };
+        n_slots = n_slots.max(allocate(assembler, &all, writer.n_temporaries));
         Some(())
     };
     write(n_rows, false, &mut assembler)?;
     let second = assembler.len();
     write(n_rows, true, &mut assembler)?;
-    if assembler.len() > if n_rows == 1 { MAX_LOOP } else { MAX_LOOP_OF_TWO } {
+    if assembler.len() > MAX_LOOP {
         return None;
     }
     assembler.end_loop();
@@ -157,18 +144,14 @@ fn emit_rows_beside(
         write(1, false, &mut assembler)?;
         write(1, true, &mut assembler)?;
     }
-    for (register, place) in kept.places() {
-        assembler.store(register, place);
-    }
-    let entry = entry_of_rows(kept, n, form, n_rows);
+    let entry = entry_of_rows(n, form, n_rows);
     let code = assembler.finish_loop(n_slots * form.encoding.n_bytes(), &entry, second);
-    Some((Emitted { code, constants: writer.constants }, n_slots))
+    Some(Emitted { code, constants: writer.constants })
 }
 
 /// `even = 0` and `odd = eta f` for each row.
-fn entry_of_rows(kept: &Kept, n: usize, form: Form, n_rows: usize) -> Assembler {
-    // Registers that nothing is kept in.
-    let (zero, slope, scratch) = (0, 1, 2);
+fn entry_of_rows(n: usize, form: Form, n_rows: usize) -> Assembler {
+    let (zero, slope, product) = (0, 1, 2);
     let mut entry = Assembler::new(form.encoding);
     let number = |pointer: Pointer, place: usize| Place::Number(pointer, place * form.stride());
     entry.binary(Binary::Xor, zero, zero, Place::Register(zero));
@@ -176,16 +159,9 @@ fn entry_of_rows(kept: &Kept, n: usize, form: Form, n_rows: usize) -> Assembler 
         entry.load(slope, number(Pointer::Argument, component));
         for row in 0..n_rows {
             let (even, odd) = (2 * n * row + component, 2 * n * row + n + component);
-            let register = |place: usize| kept.register(Pointer::Out, place * form.stride());
-            let target = register(odd).unwrap_or(scratch);
-            entry.binary(Binary::Mul, target, slope, number(Pointer::Time, size_of_row(row)));
-            if target == scratch {
-                entry.store(scratch, number(Pointer::Out, odd));
-            }
-            match register(even) {
-                Some(own) => entry.load(own, Place::Register(zero)),
-                None => entry.store(zero, number(Pointer::Out, even)),
-            }
+            entry.store(zero, number(Pointer::Out, even));
+            entry.binary(Binary::Mul, product, slope, number(Pointer::Time, size_of_row(row)));
+            entry.store(product, number(Pointer::Out, odd));
         }
     }
     entry
@@ -203,44 +179,6 @@ pub(crate) const fn size_of_row(row: usize) -> usize {
 fn in_turn(bodies: Vec<Vec<Instruction>>) -> Vec<Instruction> {
     let n = bodies.iter().map(Vec::len).max().unwrap_or(0);
     (0..n).flat_map(|at| bodies.iter().filter_map(move |body| body.get(at).copied())).collect()
-}
-
-/// Results that stay in registers of their own from one run through a loop to the next.
-struct Kept {
-    /// Registers for everything else; those behind it keep results.
-    n_free: usize,
-    /// Which results, in the order of the registers.
-    offsets: Vec<usize>,
-}
-
-/// Registers that a loop has for its values at least.
-const LEAST_FREE: usize = 16;
-
-impl Kept {
-    fn nothing(encoding: Encoding) -> Kept {
-        Kept { n_free: encoding.n_registers(), offsets: Vec::new() }
-    }
-
-    /// The increments of the first components of rows, as many as there are registers for.
-    fn increments(n: usize, n_rows: usize, form: Form) -> Kept {
-        let n_registers = form.encoding.n_registers();
-        let n_kept = n.min((n_registers - LEAST_FREE) / (2 * n_rows));
-        let of_each = |part: usize| (n * part..n * part + n_kept).map(|place| place * form.stride());
-        let offsets: Vec<usize> = (0..2 * n_rows).flat_map(of_each).collect();
-        Kept { n_free: n_registers - offsets.len(), offsets }
-    }
-
-    /// The register of a result.
-    fn register(&self, pointer: Pointer, offset: usize) -> Option<usize> {
-        let at = || self.offsets.iter().position(|kept| *kept == offset);
-        (pointer == Pointer::Out).then(at).flatten().map(|at| self.n_free + at)
-    }
-
-    /// The registers with their places in memory.
-    fn places(&self) -> Vec<(usize, Place)> {
-        let place = |(at, offset): (usize, &usize)| (self.n_free + at, Place::Number(Pointer::Out, *offset));
-        self.offsets.iter().enumerate().map(place).collect()
-    }
 }
 
 /// The instructions whose results are needed.
@@ -544,8 +482,7 @@ struct Allocation<'a> {
     assembler: &'a mut Assembler,
     /// Bytes of a register.
     n_bytes: usize,
-    kept: &'a Kept,
-    /// What each register has that is free for values.
+    /// What each register has.
     contents: Vec<Option<usize>>,
     /// Numbers of vectors that nothing is written to, by their place among the values, behind the temporary ones.
     numbers: HashMap<(Pointer, usize), usize>,
@@ -560,12 +497,7 @@ struct Allocation<'a> {
 }
 
 /// Writes instructions with values in registers; how many of them are on the stack.
-fn allocate(
-    assembler: &mut Assembler,
-    instructions: &[Instruction],
-    n_temporaries: usize,
-    kept: &Kept,
-) -> usize {
+fn allocate(assembler: &mut Assembler, instructions: &[Instruction], n_temporaries: usize) -> usize {
     let mut uses: Vec<Vec<usize>> = vec![Vec::new(); n_temporaries];
     let mut numbers = HashMap::new();
     let written: Vec<usize> = instructions
@@ -589,11 +521,11 @@ fn allocate(
             uses[k].push(at);
         }
     }
+    let encoding = assembler.encoding();
     let mut allocation = Allocation {
-        n_bytes: assembler.encoding().n_bytes(),
+        n_bytes: encoding.n_bytes(),
         assembler,
-        kept,
-        contents: vec![None; kept.n_free],
+        contents: vec![None; encoding.n_registers()],
         registers: vec![None; uses.len()],
         slots: vec![None; n_temporaries],
         numbers,
@@ -644,11 +576,7 @@ impl Allocation<'_> {
             Instruction::Store(a, pointer, offset) => {
                 let source = self.loaded(a, &[]);
                 self.forget(at, instruction);
-                match self.place(Value::Number(pointer, offset)) {
-                    Place::Register(own) if source.register() != own => self.assembler.load(own, source),
-                    Place::Register(_) => {}
-                    place => self.assembler.store(source.register(), place),
-                }
+                self.assembler.store(source.register(), Place::Number(pointer, offset));
             }
             Instruction::Guard(scratch, [a, b]) => {
                 let first = self.loaded(a, &[b]);
@@ -665,10 +593,7 @@ impl Allocation<'_> {
     fn register(&self, value: Value) -> Option<usize> {
         match value {
             Value::Temporary(k) => self.registers[k],
-            Value::Number(pointer, offset) => {
-                let of_number = || self.registers[*self.numbers.get(&(pointer, offset))?];
-                self.kept.register(pointer, offset).or_else(of_number)
-            }
+            Value::Number(pointer, offset) => self.registers[*self.numbers.get(&(pointer, offset))?],
         }
     }
 
@@ -732,8 +657,7 @@ impl Allocation<'_> {
 
     /// A register for a result, which may be that of an operand that is not needed any more.
     fn target(&mut self, to: usize, operands: &[Place]) -> usize {
-        let is_own = |r: usize| self.contents.get(r).is_some_and(Option::is_none);
-        let is_free = |place: &&Place| matches!(place, Place::Register(r) if is_own(*r));
+        let is_free = |place: &&Place| matches!(place, Place::Register(r) if self.contents[*r].is_none());
         let register = match operands.iter().find(is_free) {
             Some(Place::Register(register)) => *register,
             _ => self.free(operands),

@@ -6,6 +6,7 @@ use hamel_program::program::{Operand, Point, Program, Role, Run};
 use hamel_runtime::{F64x4, F64x8, Real};
 
 use crate::{Lanes, registers, splat};
+type F64xN = F64x4;
 
 /// Rates with the time, an input, roots, angles, a component that is one of the state, and a number that is kept.
 const MOVED: &str = "
@@ -199,7 +200,12 @@ fn timing() {
         let text = std::fs::read_to_string(format!("../models/specs/{name}.hamel")).unwrap();
         let model = spec::parse("m.hamel", &text).unwrap_or_else(|e| panic!("{e}"));
         let program = scene::build(&model, "default").unwrap_or_else(|e| panic!("{e}")).into_program();
-        let compiled = Compiled::new(&program).unwrap();
+        let compiled =
+            Compiled::new(&program).unwrap().with_registers_up_to(if std::env::var("HX_AVX2").is_ok() {
+                Registers::Avx2
+            } else {
+                Registers::Avx512
+            });
         let rate = program.function_idx(&Role::Rate).unwrap();
         let params: Vec<f64> = model
             .params
@@ -211,11 +217,11 @@ fn timing() {
             })
             .collect();
         let prepared = program.prepare(&params).unwrap();
-        let wide: (Vec<F64x8>, Vec<F64x8>) = (splat(&params), splat(&prepared));
+        let wide: (Vec<F64xN>, Vec<F64xN>) = (splat(&params), splat(&prepared));
         let n = program.state.len();
-        let start: Vec<F64x8> = (0..n).map(|k| F64x8::splat(0.3 + 0.1 * k as f64)).collect();
-        let slope = vec![F64x8::ZERO; n];
-        let mut increments = vec![F64x8::ZERO; 14 * n];
+        let start: Vec<F64xN> = (0..n).map(|k| F64xN::splat(0.3 + 0.1 * k as f64)).collect();
+        let slope = vec![F64xN::ZERO; n];
+        let mut increments = vec![F64xN::ZERO; 14 * n];
         let mut best = f64::INFINITY;
         for _ in 0..20 {
             let clock = std::time::Instant::now();
@@ -223,7 +229,7 @@ fn timing() {
                 assert!(compiled.run_rows(
                     rate,
                     (&wide.0[..], &wide.1[..]),
-                    (F64x8::ZERO, F64x8::splat(1e-3)),
+                    (F64xN::ZERO, F64xN::splat(1e-3)),
                     (&start, &slope),
                     &mut increments
                 ));
