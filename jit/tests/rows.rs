@@ -6,7 +6,6 @@ use hamel_program::program::{Operand, Point, Program, Role, Run};
 use hamel_runtime::{F64x4, F64x8, Real};
 
 use crate::{Lanes, registers, splat};
-type F64xN = F64x4;
 
 /// Rates with the time, an input, roots, angles, a component that is one of the state, and a number that is kept.
 const MOVED: &str = "
@@ -183,64 +182,5 @@ fn another_right_hand_side_is_found() {
         let compiled = Compiled::new(&other).unwrap().with_registers_up_to(most);
         assert_eq!(first_other::<F64x4>(&compiled, &program).is_some(), has_rows(&compiled));
         assert_eq!(first_other::<F64x8>(&compiled, &program).is_some(), has_rows(&compiled));
-    }
-}
-
-#[test]
-#[ignore = "timing"]
-fn timing() {
-    for name in [
-        "heavy_top",
-        "kirchhoff_body",
-        "chaplygin_ball",
-        "two_arm_satellite",
-        "double_spherical_pendulum",
-        "chaplygin_gyro",
-    ] {
-        let text = std::fs::read_to_string(format!("../models/specs/{name}.hamel")).unwrap();
-        let model = spec::parse("m.hamel", &text).unwrap_or_else(|e| panic!("{e}"));
-        let program = scene::build(&model, "default").unwrap_or_else(|e| panic!("{e}")).into_program();
-        let compiled =
-            Compiled::new(&program).unwrap().with_registers_up_to(if std::env::var("HX_AVX2").is_ok() {
-                Registers::Avx2
-            } else {
-                Registers::Avx512
-            });
-        let rate = program.function_idx(&Role::Rate).unwrap();
-        let params: Vec<f64> = model
-            .params
-            .iter()
-            .map(|p| {
-                let q = &p.default;
-                let f = |x: &dyn std::fmt::Display| x.to_string().parse::<f64>().unwrap();
-                f(q.numer()) / f(q.denom())
-            })
-            .collect();
-        let prepared = program.prepare(&params).unwrap();
-        let wide: (Vec<F64xN>, Vec<F64xN>) = (splat(&params), splat(&prepared));
-        let n = program.state.len();
-        let start: Vec<F64xN> = (0..n).map(|k| F64xN::splat(0.3 + 0.1 * k as f64)).collect();
-        let slope = vec![F64xN::ZERO; n];
-        let mut increments = vec![F64xN::ZERO; 14 * n];
-        let mut best = f64::INFINITY;
-        for _ in 0..20 {
-            let clock = std::time::Instant::now();
-            for _ in 0..500 {
-                assert!(compiled.run_rows(
-                    rate,
-                    (&wide.0[..], &wide.1[..]),
-                    (F64xN::ZERO, F64xN::splat(1e-3)),
-                    (&start, &slope),
-                    &mut increments
-                ));
-            }
-            best = best.min(clock.elapsed().as_secs_f64() / 500.0);
-        }
-        println!(
-            "{name}: n {n} ops {:?}: {:.1} ns a step, {:.2} ns an eval",
-            program.functions[rate].instructions.len(),
-            best * 1e9,
-            best * 1e9 / 49.0
-        );
     }
 }

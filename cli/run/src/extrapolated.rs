@@ -164,30 +164,36 @@ where
 mod tests {
     use std::sync::Arc;
 
-    use hamel_runtime::{F64x4, Failure, Gbs14, Options, Pivot, Real};
+    use hamel_runtime::{F64x4, F64x8, Failure, Gbs14, Method, Options, Pivot};
 
-    use super::{Extrapolated, Lanes, PreparedLanes};
+    use super::{Extrapolated, PreparedLanes, Registers, Several, VecState};
     use crate::cache::Cache;
-    use crate::dynamics::{Factory, LaneDynamics};
+    use crate::dynamics::LaneDynamics;
     use crate::interpreted::{self, Built};
     use crate::model::Checked;
     use crate::session::Session;
     use crate::wide::tests::{Pendulums, motion};
 
-    /// Whether the method has the bits of the runtime's, adaptive and with fixed steps.
-    fn holds(system: &PreparedLanes<'_>, n: usize) -> bool {
-        let Some(own) = Extrapolated::of_host() else { return true };
-        let adaptive = Options::adaptive(F64x4::splat(1e-9), F64x4::splat(1e-11));
-        [adaptive, Options::fixed(F64x4::splat(0.1))]
-            .into_iter()
-            .all(|options| motion(system, Gbs14, n, options) == motion(system, own, n, options))
+    /// Whether the method has the bits of the runtime's, adaptive and with fixed steps, in all registers.
+    fn holds<L: Several>(system: &PreparedLanes<'_, L>, n: usize) -> bool
+    where
+        Gbs14: for<'a> Method<L, PreparedLanes<'a, L>>,
+    {
+        let adaptive = Options::adaptive(L::from_f64(1e-9), L::from_f64(1e-11));
+        let of_all = |own: Extrapolated| {
+            [adaptive, Options::fixed(L::from_f64(0.1))]
+                .into_iter()
+                .all(|options| motion(system, Gbs14, n, options) == motion(system, own, n, options))
+        };
+        [Registers::Avx, Registers::Avx512].into_iter().filter_map(Extrapolated::up_to).all(of_all)
     }
 
     #[test]
     fn systems_without_code_for_rows_have_the_bits_of_the_runtime() {
         for n in 1..=9 {
-            let system: PreparedLanes<'_> = Box::new(Pendulums);
-            assert!(holds(&system, n), "{n} components");
+            let (four, eight): (PreparedLanes<'_>, PreparedLanes<'_, F64x8>) =
+                (Box::new(Pendulums), Box::new(Pendulums));
+            assert!(holds(&four, n) && holds(&eight, n), "{n} components");
         }
     }
 
@@ -212,16 +218,30 @@ mod tests {
     /// Of parameters and inputs that differ from lane to lane.
     #[test]
     fn rows_in_code_have_the_bits_of_the_runtime() {
-        let scene = cart();
-        let values = [F64x4::new([1.5, 2.0, 2.5, 1.0]), F64x4::new([0.1, -0.2, 0.0, 0.4])];
-        let mut lanes = scene.prepare_lanes(&values).unwrap();
-        assert!(holds(&lanes, 4));
-        assert!(lanes.hold(&[F64x4::splat(0.7)]) && holds(&lanes, 4));
-        assert!(!lanes.hold(&[]), "values for no inputs are others");
-        let mut increments = [F64x4::splat(0.01); 8];
-        let start = [F64x4::splat(0.2); 4];
-        let has_rows = lanes.run_row((F64x4::ZERO, F64x4::splat(0.1)), 2, &start, &mut increments);
-        assert_eq!(has_rows, crate::machine::IS_THERE && Extrapolated::of_host().is_some() && has_avx2());
+        hold_in_code::<F64x4>();
+        hold_in_code::<F64x8>();
+    }
+
+    fn hold_in_code<L: Several>()
+    where
+        Gbs14: for<'a> Method<L, PreparedLanes<'a, L>>,
+    {
+        for most in [Registers::Avx2, Registers::Avx512] {
+            let scene = cart().with_registers_up_to(most);
+            let values =
+                [[1.5, 2.0, 2.5, 1.0, 1.1, 3.0, 1.7, 1.9], [0.1, -0.2, 0.0, 0.4, 0.3, -0.1, 0.2, 0.5]];
+            let mut lanes = L::prepare(&scene, &values.map(|of| L::gather(|lane| of[lane]))).unwrap();
+            assert!(holds(&lanes, 4));
+            assert!(lanes.hold(&[L::from_f64(0.7)]) && holds(&lanes, 4));
+            assert!(!lanes.hold(&[]), "values for no inputs are others");
+            let mut increments = [L::from_f64(0.01); 16];
+            let (start, slope) = ([L::from_f64(0.2); 4], [L::from_f64(0.1); 4]);
+            let has_rows = lanes.run_rows((L::ZERO, L::from_f64(0.1)), (&start, &slope), &mut increments);
+            assert_eq!(
+                has_rows,
+                crate::machine::IS_THERE && Extrapolated::up_to(most).is_some() && has_avx2()
+            );
+        }
     }
 
     /// Rows are for processors with AVX2.
@@ -235,33 +255,34 @@ mod tests {
     /// Rows that say that they are done, and are not.
     struct Wrong;
 
-    impl LaneDynamics for Wrong {
-        fn rhs(&self, t: F64x4, y: &Lanes, dy: &mut Lanes) {
+    impl<L: Several> LaneDynamics<L> for Wrong {
+        fn rhs(&self, t: L, y: &VecState<L>, dy: &mut VecState<L>) {
             Pendulums.rhs(t, y, dy);
         }
-        fn run_row(&self, _: (F64x4, F64x4), _: usize, _: &[F64x4], increments: &mut [F64x4]) -> bool {
-            increments.iter_mut().for_each(|x| *x += F64x4::splat(1e-15));
+        fn run_rows(&self, _: (L, L), _: (&[L], &[L]), increments: &mut [L]) -> bool {
+            increments.iter_mut().for_each(|x| *x += L::from_f64(1e-15));
             true
         }
-        fn energy(&self, _: F64x4, _: &Lanes) -> Option<F64x4> {
+        fn energy(&self, _: L, _: &VecState<L>) -> Option<L> {
             None
         }
-        fn write_outputs(&self, _: F64x4, _: &Lanes, _: &mut Vec<F64x4>) {}
-        fn check(&self, _: F64x4, _: &Lanes) -> Result<(), Failure> {
+        fn write_outputs(&self, _: L, _: &VecState<L>, _: &mut Vec<L>) {}
+        fn check(&self, _: L, _: &VecState<L>) -> Result<(), Failure> {
             Ok(())
         }
-        fn domain(&self, _: F64x4, _: &Lanes) -> Result<(), Failure> {
+        fn domain(&self, _: L, _: &VecState<L>) -> Result<(), Failure> {
             Ok(())
         }
-        fn signature(&self, _: F64x4, _: &Lanes) -> F64x4 {
-            F64x4::ZERO
+        fn signature(&self, _: L, _: &VecState<L>) -> L {
+            L::ZERO
         }
-        fn pivots(&self, _: F64x4, _: &Lanes, _: &mut dyn FnMut(Pivot<F64x4>)) {}
+        fn pivots(&self, _: L, _: &VecState<L>, _: &mut dyn FnMut(Pivot<L>)) {}
     }
 
     #[test]
     fn another_row_is_found() {
-        let system: PreparedLanes<'_> = Box::new(Wrong);
-        assert!(Extrapolated::of_host().is_none() || !holds(&system, 3));
+        let (four, eight): (PreparedLanes<'_>, PreparedLanes<'_, F64x8>) = (Box::new(Wrong), Box::new(Wrong));
+        let has_own = Extrapolated::up_to(Registers::Avx).is_some();
+        assert!(!has_own || !holds(&four, 3) && !holds(&eight, 3));
     }
 }

@@ -195,6 +195,15 @@ impl Built {
         Built { is_in_memory: true, ..Built::of(&model, executable, drive, info, derived) }
     }
 
+    /// The same with code for these registers at most, to compare.
+    #[cfg(test)]
+    pub(crate) fn with_registers_up_to(mut self, most: machine::Registers) -> Built {
+        if let Some(Runnable { compiled, .. }) = Arc::get_mut(&mut self.executable) {
+            *compiled = compiled.take().map(|compiled| compiled.with_registers_up_to(most));
+        }
+        self
+    }
+
     /// The same scene with inputs from a table.
     ///
     /// # Errors

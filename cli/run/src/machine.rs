@@ -36,7 +36,11 @@ mod nothing {
 
     /// The widest registers for which code is made.
     #[derive(Clone, Copy, Debug)]
+    #[expect(dead_code, reason = "no code is made")]
     pub(in super::super) enum Registers {
+        OfProgram,
+        Avx,
+        Avx2,
         Avx512,
     }
 

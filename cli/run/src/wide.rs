@@ -120,67 +120,71 @@ impl<'a, L: Several> Method<L, PreparedLanes<'a, L>> for Wide {
 #[cfg(test)]
 pub(crate) mod tests {
     use hamel_runtime::{
-        Dop853, Dopri5, F64x4, Failure, Integrator, Method, Options, Pivot, Real, Rk4, Tableau, Tsit5, Vern9,
+        Dop853, Dopri5, F64x4, F64x8, Failure, Integrator, Method, Options, Pivot, Rk4, Tableau, Tsit5, Vern9,
     };
 
-    use super::{Lanes, PreparedLanes, VecState, Wide};
+    use super::{PreparedLanes, Registers, Several, VecState, Wide};
     use crate::dynamics::{BadParams, LaneDynamics};
 
     /// Coupled pendulums, as many as there are.
     pub(crate) struct Pendulums;
 
-    impl LaneDynamics for Pendulums {
-        fn rhs(&self, t: F64x4, y: &Lanes, dy: &mut Lanes) {
+    impl<L: Several> LaneDynamics<L> for Pendulums {
+        fn rhs(&self, t: L, y: &VecState<L>, dy: &mut VecState<L>) {
             let n = y.0.len();
             for k in 0..n {
                 dy.0[k] = (y.0[(k + 1) % n] + t).sin() - (y.0[k] * y.0[(k + 2) % n]).sin();
             }
         }
-        fn energy(&self, _: F64x4, _: &Lanes) -> Option<F64x4> {
+        fn energy(&self, _: L, _: &VecState<L>) -> Option<L> {
             None
         }
-        fn write_outputs(&self, _: F64x4, _: &Lanes, _: &mut Vec<F64x4>) {}
-        fn set(&mut self, _: &[F64x4]) -> Option<Result<(), BadParams>> {
+        fn write_outputs(&self, _: L, _: &VecState<L>, _: &mut Vec<L>) {}
+        fn set(&mut self, _: &[L]) -> Option<Result<(), BadParams>> {
             None
         }
-        fn check(&self, _: F64x4, _: &Lanes) -> Result<(), Failure> {
+        fn check(&self, _: L, _: &VecState<L>) -> Result<(), Failure> {
             Ok(())
         }
-        fn domain(&self, _: F64x4, _: &Lanes) -> Result<(), Failure> {
+        fn domain(&self, _: L, _: &VecState<L>) -> Result<(), Failure> {
             Ok(())
         }
-        fn signature(&self, _: F64x4, _: &Lanes) -> F64x4 {
-            F64x4::ZERO
+        fn signature(&self, _: L, _: &VecState<L>) -> L {
+            L::ZERO
         }
-        fn pivots(&self, _: F64x4, _: &Lanes, _: &mut dyn FnMut(Pivot<F64x4>)) {}
+        fn pivots(&self, _: L, _: &VecState<L>, _: &mut dyn FnMut(Pivot<L>)) {}
     }
 
     /// Some states of a motion, and the work.
-    pub(crate) fn motion<'a, M: Method<F64x4, PreparedLanes<'a>>>(
-        system: &PreparedLanes<'a>,
+    pub(crate) fn motion<'a, L: Several, M: Method<L, PreparedLanes<'a, L>>>(
+        system: &PreparedLanes<'a, L>,
         method: M,
         n: usize,
-        options: Options<F64x4>,
-    ) -> (Vec<Vec<F64x4>>, hamel_runtime::Stats) {
-        let start = (0..n)
-            .map(|k| F64x4::new(std::array::from_fn(|l| 0.3 * (k as f64) - 0.17 * (l as f64))))
-            .collect();
-        let mut solver = Integrator::new(system, method, F64x4::ZERO, VecState(start), options).unwrap();
+        options: Options<L>,
+    ) -> (Vec<Vec<L>>, hamel_runtime::Stats) {
+        let start = (0..n).map(|k| L::gather(|l| 0.3 * (k as f64) - 0.17 * (l as f64))).collect();
+        let mut solver = Integrator::new(system, method, L::ZERO, VecState(start), options).unwrap();
         let mut states = Vec::new();
-        let times = [0.3, 0.9, 2.0].map(F64x4::splat);
-        solver.sample(F64x4::splat(2.0), times, |_, y| states.push(y.0.clone())).unwrap();
+        let times = [0.3, 0.9, 2.0].map(L::from_f64);
+        solver.sample(L::from_f64(2.0), times, |_, y| states.push(y.0.clone())).unwrap();
         (states, solver.stats())
     }
 
-    /// Whether wide sums by a tableau give the numbers of a method.
-    fn hold(n: usize, method: impl Method<F64x4, PreparedLanes<'static>>, tableau: &'static Tableau) -> bool {
-        let Some(wide) = Wide::of(tableau) else { return true };
-        let system: PreparedLanes<'static> = Box::new(Pendulums);
+    /// Whether wide sums by a tableau give the numbers of a method, in all registers.
+    fn hold<L: Several>(
+        n: usize,
+        method: impl Method<L, PreparedLanes<'static, L>>,
+        tableau: &'static Tableau,
+    ) -> bool {
+        let system: PreparedLanes<'static, L> = Box::new(Pendulums);
         let options = match tableau.estimate_order() {
-            Some(_) => Options::adaptive(F64x4::splat(1e-9), F64x4::splat(1e-11)),
-            None => Options::fixed(F64x4::splat(0.01)),
+            Some(_) => Options::adaptive(L::from_f64(1e-9), L::from_f64(1e-11)),
+            None => Options::fixed(L::from_f64(0.01)),
         };
-        motion(&system, method, n, options) == motion(&system, wide, n, options)
+        let own = motion(&system, method, n, options);
+        let holds =
+            |most| Wide::up_to(most, tableau).is_none_or(|wide| motion(&system, wide, n, options) == own);
+        [Registers::Avx, Registers::Avx512].into_iter().all(holds)
     }
 
     #[test]
@@ -190,7 +194,8 @@ pub(crate) mod tests {
                 let tableau = <$method as Method<F64x4, PreparedLanes<'static>>>::TABLEAU;
                 // Blocks of eight components, and every number behind them.
                 for n in 1..=19 {
-                    assert!(hold(n, $method, tableau), "{} with {n} components", tableau.name);
+                    assert!(hold::<F64x4>(n, $method, tableau), "{} with {n} components", tableau.name);
+                    assert!(hold::<F64x8>(n, $method, tableau), "{} with {n} components", tableau.name);
                 }
             )*};
         }
@@ -200,7 +205,7 @@ pub(crate) mod tests {
     /// A method whose tableau is another one is found.
     #[test]
     fn another_weight_is_found() {
-        if super::WideSums::of_host().is_none() {
+        if super::WideSums::up_to(Registers::Avx).is_none() {
             return;
         }
         let own = <Dopri5 as Method<F64x4, PreparedLanes<'static>>>::TABLEAU;
@@ -210,6 +215,7 @@ pub(crate) mod tests {
         weights[1].0 = own.weights[1].0;
         let mut other = *own;
         other.weights = weights.leak();
-        assert!(!hold(3, Dopri5, Box::leak(Box::new(other))));
+        let other: &'static Tableau = Box::leak(Box::new(other));
+        assert!(!hold::<F64x4>(3, Dopri5, other) && !hold::<F64x8>(3, Dopri5, other));
     }
 }
