@@ -147,9 +147,8 @@ impl Options {
     ) -> Result<many::Asked, Error> {
         let (method, steps) = self.steps(info, MethodName::default())?;
         let noise = self.noise(info)?;
-        let width = Width::of_lanes(lanes).ok_or_else(|| {
-            Error::unusable("lanes", format!("is {lanes}, but has to be 1, 4 or 8"))
-        })?;
+        let width = Width::of_lanes(lanes)
+            .ok_or_else(|| Error::unusable("lanes", format!("is {lanes}, but has to be 1, 4 or 8")))?;
         Ok(many::Asked { t_final, samples, method, steps, noise, max_steps: self.max_steps, width, threads })
     }
 }
