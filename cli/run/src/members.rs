@@ -30,6 +30,13 @@ impl Beginnings {
         Beginnings { n: 0, n_params, n_state, params, states, failed: BTreeMap::new() }
     }
 
+    /// Makes room for so many trajectories in all.
+    pub fn reserve(&mut self, n: usize) {
+        let more = n.saturating_sub(self.n);
+        self.params.reserve_exact(more * self.n_params);
+        self.states.reserve_exact(more * self.n_state);
+    }
+
     /// Adds a trajectory.
     ///
     /// # Panics

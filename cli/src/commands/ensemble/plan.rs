@@ -240,13 +240,14 @@ impl<'a> Plan<'a> {
         let nominal = points.clone().into_par_iter().map(nominal).collect();
         (drawing.first_point, drawing.nominal) = (points.start, nominal);
         let block = |first: usize| {
-            let mut row = self.no_row();
-            drawing.add(&mut row, first..range.end.min(first + BLOCK), fast);
+            let own = first..range.end.min(first + BLOCK);
+            let mut row = self.room(own.len());
+            drawing.add(&mut row, own, fast);
             row
         };
         let blocks = range.clone().step_by(BLOCK).collect::<Vec<usize>>();
         let blocks: Vec<Row> = blocks.into_par_iter().map(block).collect();
-        let mut all = self.no_row();
+        let mut all = self.room(range.len());
         for Row { mut inputs, members } in blocks {
             all.inputs.append(&mut inputs);
             all.members.append(members);
@@ -254,13 +255,12 @@ impl<'a> Plan<'a> {
         all
     }
 
-    /// The starts of no trajectory.
-    fn no_row(&self) -> Row {
+    /// Room for the starts of so many trajectories.
+    fn room(&self, n: usize) -> Row {
         let n_inputs = if self.has_inputs() { self.info.inputs.len() } else { 0 };
-        Row {
-            inputs: Vec::new(),
-            members: Beginnings::none(self.info.params.len() + n_inputs, self.info.state.len()),
-        }
+        let mut members = Beginnings::none(self.info.params.len() + n_inputs, self.info.state.len());
+        members.reserve(n);
+        Row { inputs: Vec::with_capacity(n * self.names().len()), members }
     }
 
     /// The values that do not have to be drawn, by name.
