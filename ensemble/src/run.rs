@@ -128,8 +128,8 @@ const LARGEST_BLOCK: usize = 256;
 /// Blocks for each thread, so that none waits long for the last one.
 const BLOCKS_OF_A_THREAD: usize = 8;
 
-/// A task on each part by the threads of the current pool, the results in order. What a task does is behind a pointer, so
-/// that this is compiled once for each type of results, not for each system and method.
+/// A task on each part by the threads of the current pool, the results in order. What a task does is behind a pointer,
+/// so that this is compiled once for each type of results, not for each system and method.
 fn share_out<T: Send>(parts: Vec<Part<'_>>, task: &(dyn Fn(Part<'_>) -> T + Sync)) -> Vec<T> {
     parts.into_par_iter().map(task).collect()
 }

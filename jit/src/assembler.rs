@@ -3,8 +3,8 @@
 //! Deliberately does not know: programs, which register a value is in.
 //!
 //! # Source
-//! Intel 64 and IA-32 Architectures Software Developer's Manual, volume 2: the VEX prefix (section 2.3), the EVEX prefix
-//! (section 2.7), and each instruction by name.
+//! Intel 64 and IA-32 Architectures Software Developer's Manual, volume 2: the VEX prefix (section 2.3), the EVEX
+//! prefix (section 2.7), and each instruction by name.
 
 use crate::lanes::Encoding;
 use crate::translate::Pointer;
@@ -233,7 +233,8 @@ impl Assembler {
         self.write((MAP_0F, 0x11), from, NO_REGISTER, to);
     }
 
-    /// Gives up where a lane of the first is larger than the second: `vcmppd`, `vtestpd` or with masks `kortestw`, `jnz`.
+    /// Gives up where a lane of the first is larger than the second: `vcmppd`, `vtestpd` or with masks `kortestw`,
+    /// `jnz`.
     pub(crate) fn guard(&mut self, scratch: usize, first: usize, second: Place) {
         const GREATER: u8 = 0x1e;
         let is_vex = self.encoding == Encoding::Vex;

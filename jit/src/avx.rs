@@ -1,9 +1,9 @@
 //! Functions of a program as machine code on four or eight numbers side by side, for processors with AVX2 or AVX-512:
 //! the same operations in the same order. Cranelift has registers of two numbers.
 //!
-//! A function is straight-line code. Its values stay in the registers as long as they are needed soonest; what is read
-//! from vectors is read where it is needed. Where an angle is beyond the bound of the kernel of sine and
-//! cosine, the code gives up, and the caller takes another way.
+//! A function is straight-line code. Its values stay in the registers as long as they are needed soonest; numbers of
+//! vectors are read where they are needed, and stay in registers that are free. Where an angle is beyond the bound of the
+//! kernel of sine and cosine, the code gives up, and the caller takes another way.
 //!
 //! Deliberately does not know: how code is made runnable, tables of products, elementary functions but sine, cosine and
 //! the absolute value: a function with others has no such code.
@@ -15,6 +15,7 @@ use hamel_program::program::{Constant, Function, Op, Operand, Program, Signs};
 use hamel_runtime::math::kernel::BOUND;
 
 use crate::assembler::{Assembler, Binary, Place};
+use crate::instructions::{Instruction, Value, in_turn, needed};
 use crate::kernel::{Step, kernel};
 use crate::lanes::Form;
 use crate::translate::{Pointer, outputs};
@@ -23,51 +24,6 @@ use crate::translate::{Pointer, outputs};
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(crate) struct Spread(#[expect(dead_code, reason = "compiled code reads it")] [u64; 8]);
-
-/// A value: the result of an instruction, or a number of a vector.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Value {
-    Temporary(usize),
-    Number(Pointer, usize),
-}
-
-/// One instruction on values.
-#[derive(Clone, Copy, Debug)]
-enum Instruction {
-    Binary(Binary, usize, [Value; 2]),
-    Root(usize, Value),
-    /// Bits moved to the left.
-    Shift(usize, Value, u8),
-    /// The second where the sign bit of the third is set, otherwise the first.
-    Choose(usize, [Value; 3]),
-    Store(Value, Pointer, usize),
-    /// Gives up where a lane of the first is larger than the second.
-    Guard(usize, [Value; 2]),
-}
-
-impl Instruction {
-    fn operands(&self) -> impl Iterator<Item = Value> {
-        let (first, others): (Value, [Option<Value>; 2]) = match *self {
-            Instruction::Binary(_, _, [a, b]) | Instruction::Guard(_, [a, b]) => (a, [Some(b), None]),
-            Instruction::Choose(_, [a, b, c]) => (a, [Some(b), Some(c)]),
-            Instruction::Root(_, a) | Instruction::Shift(_, a, _) | Instruction::Store(a, ..) => {
-                (a, [None; 2])
-            }
-        };
-        std::iter::once(first).chain(others.into_iter().flatten())
-    }
-
-    /// What it computes, if it does nothing else.
-    fn result(&self) -> Option<usize> {
-        match *self {
-            Instruction::Binary(_, to, _)
-            | Instruction::Root(to, _)
-            | Instruction::Shift(to, ..)
-            | Instruction::Choose(to, _) => Some(to),
-            Instruction::Store(..) | Instruction::Guard(..) => None,
-        }
-    }
-}
 
 /// Code and the constants that it reads.
 pub(crate) struct Emitted {
@@ -93,8 +49,8 @@ const MAX_LOOP: usize = 24_000;
 /// behind. Longer substeps are written one instruction in turn.
 ///
 /// Nanoseconds an evaluation of the right-hand side of `heavy_top`, `kirchhoff_body`, `chaplygin_ball` and
-/// `two_arm_satellite` on eight lanes (AVX-512, AMD EPYC of family 25) with two rows one after the other: 10.2, 28.3, 26.6,
-/// 60.3; in turn: 11.1, 26.5, 26.7, 56.6; with one row alone 14.8, 34.3, 31.9, 63.4.
+/// `two_arm_satellite` on eight lanes (AVX-512, AMD EPYC of family 25) with two rows one after the other: 10.2, 28.3,
+/// 26.6, 60.3; in turn: 11.1, 26.5, 26.7, 56.6; with one row alone 14.8, 34.3, 31.9, 63.4.
 const MAX_IN_SIGHT: usize = 80;
 
 /// Code of one or two rows of the midpoint rule around a right-hand side:
@@ -106,9 +62,9 @@ const MAX_IN_SIGHT: usize = 80;
 ///
 /// Of two rows, which do not depend on each other, the first goes on for another time.
 ///
-/// The state is `y`, the argument `f`; the results are `even` and, behind it, `odd`, a row behind the other. The time is
-/// that of two rows, and behind it `eta` and `2 eta` of each; the last pointer is the number `n`. None for functions with
-/// operations that there is no code for, with tables, and for code so long that a loop gains nothing.
+/// The state is `y`, the argument `f`; the results are `even` and, behind it, `odd`, a row behind the other. The time
+/// is that of two rows, and behind it `eta` and `2 eta` of each; the last pointer is the number `n`. None for functions
+/// with operations that there is no code for, with tables, and for code so long that a loop gains nothing.
 pub(crate) fn emit_rows(
     function: &Function,
     program: &Program,
@@ -173,31 +129,6 @@ pub(crate) const MOST_ROWS: usize = 2;
 /// Where `eta` of a row is behind the pointer of the time; behind it is `2 eta`.
 pub(crate) const fn size_of_row(row: usize) -> usize {
     MOST_ROWS + 2 * row
-}
-
-/// Instructions of rows that are alike, one of each in turn: what both read is read once.
-fn in_turn(bodies: Vec<Vec<Instruction>>) -> Vec<Instruction> {
-    let n = bodies.iter().map(Vec::len).max().unwrap_or(0);
-    (0..n).flat_map(|at| bodies.iter().filter_map(move |body| body.get(at).copied())).collect()
-}
-
-/// The instructions whose results are needed.
-fn needed(instructions: Vec<Instruction>, n_temporaries: usize) -> Vec<Instruction> {
-    let mut is_used = vec![false; n_temporaries];
-    let mut kept: Vec<Instruction> = Vec::with_capacity(instructions.len());
-    for instruction in instructions.into_iter().rev() {
-        if instruction.result().is_some_and(|result| !is_used[result]) {
-            continue;
-        }
-        for operand in instruction.operands() {
-            if let Value::Temporary(k) = operand {
-                is_used[k] = true;
-            }
-        }
-        kept.push(instruction);
-    }
-    kept.reverse();
-    kept
 }
 
 struct Writer<'a> {

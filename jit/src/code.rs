@@ -406,8 +406,8 @@ impl fmt::Debug for RowsCode {
     }
 }
 
-/// What rows read: parameters, prepared numbers, the state and its derivative; times, which the code moves on, and sizes
-/// of substeps.
+/// What rows read: parameters, prepared numbers, the state and its derivative; times, which the code moves on, and
+/// sizes of substeps.
 struct Reading<'a, L> {
     params: &'a [L],
     prepared: &'a [L],

@@ -1,6 +1,6 @@
 //! Numbers of several lanes, and the registers that a processor has for them.
 //!
-//! Deliberately does not know: what is computed in registers.
+//! Deliberately does not know: programs, instructions.
 
 use hamel_runtime::{F64x4, F64x8, Real};
 
@@ -16,6 +16,14 @@ impl Wide for F64x4 {
 
 impl Wide for F64x8 {
     const WIDTH: usize = F64x8::LANES;
+}
+
+/// The numbers of lanes, in the order of code.
+pub(crate) const LANES: [usize; 2] = [F64x4::LANES, F64x8::LANES];
+
+/// Where the code for so many lanes is.
+pub(crate) const fn place_of(lanes: usize) -> usize {
+    (lanes == F64x8::LANES) as usize
 }
 
 mod sealed {
@@ -83,7 +91,7 @@ pub(crate) enum Encoding {
 }
 
 impl Form {
-    /// That of vectors of so many lanes on registers; none where there is no code for them.
+    /// That of vectors of so many lanes on registers, if there is code for them.
     pub(crate) fn of(lanes: usize, registers: Registers) -> Option<Form> {
         let encoding = match registers {
             Registers::Avx512 if lanes == F64x8::LANES => Encoding::EvexOfEight,

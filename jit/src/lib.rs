@@ -37,6 +37,7 @@ mod avx;
 mod calls;
 mod code;
 mod error;
+mod instructions;
 mod kernel;
 mod lanes;
 mod sums;
@@ -47,23 +48,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use cranelift_codegen::isa::OwnedTargetIsa;
 use hamel_program::program::{Point, Program, Run, ViolatedCondition, verify_rules};
-use hamel_runtime::{F64x4, F64x8, Real};
+use hamel_runtime::Real;
 
 pub use error::Error;
 pub use lanes::{Registers, Wide};
 pub use sums::{Slopes, WideSums};
 
 use code::{Code, RowsCode, Vectors, WideCode};
-use lanes::Form;
+use lanes::{Form, LANES, place_of};
 use translate::Width;
-
-/// The numbers of lanes, in the order of code.
-const LANES: [usize; 2] = [F64x4::LANES, F64x8::LANES];
-
-/// Where the code for so many lanes is.
-const fn place_of(lanes: usize) -> usize {
-    (lanes == F64x8::LANES) as usize
-}
 
 /// A program whose functions are compiled when they are first called.
 ///
@@ -193,8 +186,8 @@ impl Compiled {
         self.wide[function_idx][place_of(lanes)].get_or_init(compile).as_ref()
     }
 
-    /// Runs rows of `2 m, .., 4, 2` substeps of the midpoint rule around a right-hand side over a step `h`, with the bits
-    /// of their substeps by [`Run::run_at`], for each row with `eta = h/(2 j)`:
+    /// Runs rows of `2 m, .., 4, 2` substeps of the midpoint rule around a right-hand side over a step `h`, with the
+    /// bits of their substeps by [`Run::run_at`], for each row with `eta = h/(2 j)`:
     ///
     /// ```text
     /// d_1 = eta f(t, y),    d_(i+1) = d_(i-1) + 2 eta f(t + i eta, y + d_i),    i = 1, .., 2 j - 1
@@ -204,8 +197,8 @@ impl Compiled {
     /// an angle is too large for it.
     ///
     /// # Shapes
-    /// start: `y` and `f(t, y)`, \[n\] each; increments: \[m\]\[2\]\[n\], afterwards `d_(2 j)` and `d_(2 j - 1)`, the row
-    /// of the most substeps first.
+    /// start: `y` and `f(t, y)`, \[n\] each; increments: \[m\]\[2\]\[n\], afterwards `d_(2 j)` and `d_(2 j - 1)`, the
+    /// row of the most substeps first.
     ///
     /// # Panics
     /// When the function does not exist, or a size is wrong.

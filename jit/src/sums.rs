@@ -44,7 +44,7 @@ impl<'a, V> Slopes<'a, V> {
 /// Weights of derivatives, as [`hamel_runtime::Row`].
 type Row<'a> = &'a [(usize, Constant)];
 
-/// Says that the processor has wider registers than those that this program was compiled for, and which.
+/// Says that the processor has wider registers than this program was compiled for, and which.
 #[derive(Clone, Copy, Debug)]
 pub struct WideSums(
     #[cfg_attr(not(target_arch = "x86_64"), expect(dead_code, reason = "there are none"))] Registers,
@@ -120,8 +120,8 @@ impl WideSums {
     /// to + its residue = from + its residue + sum_j weights_j0 d_j,    error = per_h sum_j weights_j1 d_j
     /// ```
     ///
-    /// of pairs of states and residues, with the increments `d_j` at the start of rows of twice as many numbers, the last
-    /// row first.
+    /// of pairs of states and residues, with the increments `d_j` at the start of rows of twice as many numbers, the
+    /// last row first.
     ///
     /// # Panics
     /// When the numbers of components differ, or a row has fewer.

@@ -15,22 +15,23 @@ use hamel_runtime::math::kernel::{BOUND, FUSED};
 
 use crate::calls::Call;
 use crate::kernel::{Step, kernel};
+use crate::lanes::place_of;
 
 /// How many numbers an operand is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Width {
     /// One number; numbers of a vector follow one another.
     One,
-    /// Two lanes of so many; those of the next number of a vector are as many further.
+    /// Two lanes of so many: the next number of a vector is as many further.
     PairOf(usize),
 }
 
 impl Width {
-    /// Where the code of this width is among those of a function.
+    /// Where the code of this width is among the code of a function.
     pub(crate) fn place(self) -> usize {
         match self {
             Width::One => 0,
-            Width::PairOf(lanes) => 1 + crate::place_of(lanes),
+            Width::PairOf(lanes) => 1 + place_of(lanes),
         }
     }
 

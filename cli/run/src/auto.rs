@@ -16,8 +16,8 @@ const CHEAP: u64 = 64;
 const LEAST_FOR_LANES: f64 = 1e-14;
 
 /// Tolerance from which on extrapolation is the fastest where trajectories are in the lanes and its rows are loops in
-/// machine code. Microseconds of `dop853` and `gbs14` a trajectory to t = 10 on eight lanes with AVX-512, at 1e-10: 19.6,
-/// 6.7 (`heavy_top`), 16.3, 9.5 (`chaplygin_ball`), 31.3, 21.1 (`two_arm_satellite`), 63.7, 41.8
+/// machine code. Microseconds of `dop853` and `gbs14` a trajectory to t = 10 on eight lanes with AVX-512, at 1e-10:
+/// 19.6, 6.7 (`heavy_top`), 16.3, 9.5 (`chaplygin_ball`), 31.3, 21.1 (`two_arm_satellite`), 63.7, 41.8
 /// (`double_spherical_pendulum`); at 1e-7: 10.0, 5.0; 8.7, 7.1; 15.5, 15.5; 30.1, 25.9; of the last two at 1e-6: 11.6,
 /// 11.6; 23.9, 22.2; at 1e-5: 9.6, 10.4; 19.1, 19.1
 /// (`hamel ensemble MODEL --spread NAME=0.01 --count 8000 --t-final 10 --threads 1 --rtol 1e-10 --method ..`).

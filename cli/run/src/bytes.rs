@@ -2,7 +2,7 @@
 //!
 //! Does not know: files, what the numbers are.
 
-/// The bytes of numbers, and those of a filling up to `n` of them.
+/// The bytes of numbers, filled up to `n` of them.
 ///
 /// # Panics
 /// When there are more than `n`.

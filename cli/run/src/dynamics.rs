@@ -2,14 +2,13 @@
 //!
 //! Does not know: where a scene comes from, JSON, how states are integrated.
 
-use std::fmt;
 use std::ops::Deref;
 use std::sync::Arc;
 
 use hamel_ensemble::Lanes;
 use hamel_runtime::{
-    Differentiable, Dual, F64x4, F64x8, Failure, Invariants, Jet, OverScalar, ParamError, Pivot, Positions,
-    Real, SquareStorage, StateVector, System, Wiener,
+    Differentiable, Dual, F64x4, F64x8, Failure, Invariants, Jet, OverScalar, Pivot, Positions, System,
+    Wiener,
 };
 
 use hamel_codegen::scene::{DiscreteLayout, DiscretePart};
@@ -17,6 +16,7 @@ use hamel_codegen::spec::Want;
 
 use super::info::Info;
 use super::machine::Wide;
+pub use super::state::{BadParams, VecState};
 
 /// A scene with parameter values, ready to be evaluated.
 ///
@@ -201,12 +201,13 @@ pub trait LaneDynamics<L: Several>: Send + Sync {
     /// As [`Dynamics::energy`].
     fn energy(&self, t: L, y: &VecState<L>) -> Option<L>;
 
-    /// Runs rows of `2 m, .., 4, 2` substeps of the midpoint rule over a step `h` from `t` on, with the bits of the same
-    /// substeps by [`rhs`](Self::rhs). False, and increments of no account, where there is no machine code for that.
+    /// Runs rows of `2 m, .., 4, 2` substeps of the midpoint rule over a step `h` from `t` on, with the bits of the
+    /// same substeps by [`rhs`](Self::rhs). False, and increments of no account, where there is no machine code for
+    /// that.
     ///
     /// # Shapes
-    /// start: a state and its derivative, \[n_state\] each; increments: \[m\]\[2\]\[n_state\], afterwards the last one of
-    /// each row and the one before, the row of the most substeps first.
+    /// start: a state and its derivative, \[n_state\] each; increments: \[m\]\[2\]\[n_state\], afterwards the last one
+    /// of each row and the one before, the row of the most substeps first.
     fn run_rows(&self, (t, h): (L, L), start: (&[L], &[L]), increments: &mut [L]) -> bool {
         let _ = (t, h, start, increments);
         false
@@ -486,55 +487,6 @@ impl<L: Several> LaneDynamics<L> for SideBySide<'_> {
             let all = |part: fn(&Pivot<f64>) -> f64| L::gather(|k| part(&lanes[k][at]));
             visit(Pivot { name, value: all(|p| p.value), scale: all(|p| p.scale) });
         }
-    }
-}
-
-/// Parameter values that the model does not allow.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct BadParams {
-    /// The condition that does not hold, such as `m > 0`.
-    pub condition: String,
-    /// What the condition means for the model; may be empty.
-    pub meaning: String,
-}
-
-impl fmt::Display for BadParams {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} does not hold", self.condition)?;
-        if self.meaning.is_empty() { Ok(()) } else { write!(f, ": {}", self.meaning) }
-    }
-}
-
-impl From<ParamError> for BadParams {
-    fn from(error: ParamError) -> BadParams {
-        BadParams { condition: error.condition.to_string(), meaning: error.meaning.into() }
-    }
-}
-
-/// A state whose dimension is known at run time only.
-#[derive(Clone, Debug, PartialEq)]
-pub struct VecState<R = f64>(pub Vec<R>);
-
-impl<R: Real> StateVector<R> for VecState<R> {
-    fn as_slice(&self) -> &[R] {
-        &self.0
-    }
-
-    fn as_mut_slice(&mut self) -> &mut [R] {
-        &mut self.0
-    }
-}
-
-impl<R: Real> SquareStorage<R> for VecState<R> {
-    type Rows = Vec<VecState<R>>;
-    type Positions = Vec<usize>;
-
-    fn rows_like(&self) -> Self::Rows {
-        vec![self.zeros_like(); self.0.len()]
-    }
-
-    fn positions_like(&self) -> Self::Positions {
-        vec![0; self.0.len()]
     }
 }
 

@@ -45,7 +45,7 @@ const BY_STEPS: bool = <Gbs14 as Method<F64x4, PreparedLanes<'static>>>::DENSE_B
 pub(crate) struct Extrapolated(WideSums);
 
 impl Extrapolated {
-    /// In these registers at most; none where the runtime's own operations are as wide.
+    /// In these registers at most, unless the runtime's own operations are as wide.
     pub(crate) fn up_to(most: Registers) -> Option<Extrapolated> {
         WideSums::up_to(most).map(Extrapolated)
     }

@@ -58,6 +58,7 @@ pub mod signs;
 pub mod simulation;
 mod solver;
 pub mod start;
+mod state;
 pub mod statistics;
 pub mod stepper;
 mod steps;
