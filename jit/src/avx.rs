@@ -2,8 +2,8 @@
 //! the same operations in the same order. Cranelift has registers of two numbers.
 //!
 //! A function is straight-line code. Its values stay in the registers as long as they are needed soonest; numbers of
-//! vectors are read where they are needed, and stay in registers that are free. Where an angle is beyond the bound of the
-//! kernel of sine and cosine, the code gives up, and the caller takes another way.
+//! vectors are read where they are needed, and stay in registers that are free. Where an angle is beyond the bound of
+//! the kernel of sine and cosine, the code gives up, and the caller takes another way.
 //!
 //! Deliberately does not know: how code is made runnable, tables of products, elementary functions but sine, cosine and
 //! the absolute value: a function with others has no such code.
