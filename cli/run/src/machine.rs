@@ -54,6 +54,7 @@ mod nothing {
             Err("machine code cannot be made in memory here")
         }
 
+        #[cfg(test)]
         pub(in super::super) fn with_registers_up_to(self, _: Registers) -> Compiled {
             self
         }
