@@ -74,9 +74,38 @@ pub struct Stopped<E = ParamError> {
 }
 
 impl<E> Motions<E> {
-    pub(crate) fn none(n_state: usize, n_times: usize) -> Self {
-        let (states, measures, ends) = (Vec::new(), Vec::new(), Vec::new());
-        Motions { n_state, n_times, states, measures, ends, stats: Vec::new(), stopped: Vec::new() }
+    /// Room for so many trajectories.
+    pub(crate) fn of(n: usize, n_state: usize, n_times: usize) -> Self {
+        Motions {
+            n_state,
+            n_times,
+            states: vec![f64::NAN; n * n_times * n_state],
+            measures: vec![f64::NAN; n * n_times],
+            ends: vec![f64::NAN; n * n_state],
+            stats: vec![Stats::default(); n],
+            stopped: Vec::new(),
+        }
+    }
+
+    /// So many trajectories after the other, each part by itself.
+    pub(crate) fn parts(&mut self, length: usize) -> Vec<Part<'_>> {
+        let Motions { n_state, n_times, states, measures, ends, stats, .. } = self;
+        let (n_state, n_times) = (*n_state, *n_times);
+        let (mut states, mut measures, mut ends) = (&mut states[..], &mut measures[..], &mut ends[..]);
+        let mut parts = Vec::with_capacity(stats.len().div_ceil(length));
+        for (at, stats) in stats.chunks_mut(length).enumerate() {
+            let n = stats.len();
+            parts.push(Part {
+                first: at * length,
+                n_state,
+                n_times,
+                states: split_off(&mut states, n * n_times * n_state),
+                measures: split_off(&mut measures, n * n_times),
+                ends: split_off(&mut ends, n * n_state),
+                stats,
+            });
+        }
+        parts
     }
 
     /// Number of trajectories.
@@ -98,12 +127,47 @@ impl<E> Motions<E> {
         &self.states[first..first + self.n_state]
     }
 
-    /// Makes room for more trajectories.
-    pub(crate) fn grow(&mut self, n: usize) {
-        self.states.resize(self.states.len() + n * self.n_times * self.n_state, f64::NAN);
-        self.measures.resize(self.measures.len() + n * self.n_times, f64::NAN);
-        self.ends.resize(self.ends.len() + n * self.n_state, f64::NAN);
-        self.stats.resize(self.stats.len() + n, Stats::default());
+    pub(crate) fn into_trajectories<const N: usize>(self, t_end: f64) -> Vec<Trajectory<[f64; N], E>> {
+        let array = |numbers: &[f64]| std::array::from_fn(|c| numbers[c]);
+        let mut stopped = self.stopped.into_iter().peekable();
+        let mut samples = self.states.chunks(N.max(1));
+        let one = |(k, &stats): (usize, &Stats)| {
+            let own = stopped.next_if(|stopped| stopped.at == k);
+            let mut samples: Vec<[f64; N]> = samples.by_ref().take(self.n_times).map(array).collect();
+            let state = array(&self.ends[k * N..(k + 1) * N]);
+            let Some(Stopped { n_samples, t, stop, .. }) = own else {
+                return Trajectory { t: t_end, state, samples, stats, stop: None };
+            };
+            samples.truncate(n_samples);
+            Trajectory { t, state, samples, stats, stop: Some(stop) }
+        };
+        self.stats.iter().enumerate().map(one).collect()
+    }
+}
+
+/// Takes the first numbers off.
+fn split_off<'a>(rest: &mut &'a mut [f64], n: usize) -> &'a mut [f64] {
+    let (first, others) = std::mem::take(rest).split_at_mut(n);
+    *rest = others;
+    first
+}
+
+/// Where some trajectories in a row are written.
+pub(crate) struct Part<'a> {
+    /// The number of the first.
+    pub(crate) first: usize,
+    n_state: usize,
+    n_times: usize,
+    states: &'a mut [f64],
+    measures: &'a mut [f64],
+    ends: &'a mut [f64],
+    stats: &'a mut [Stats],
+}
+
+impl Part<'_> {
+    /// Number of trajectories.
+    pub(crate) fn len(&self) -> usize {
+        self.stats.len()
     }
 
     /// Writes a sample, and what is measured of it.
@@ -134,37 +198,5 @@ impl<E> Motions<E> {
         let samples = k * self.n_times..(k + 1) * self.n_times;
         self.states[samples.start * self.n_state..samples.end * self.n_state].fill(f64::NAN);
         self.measures[samples].fill(f64::NAN);
-    }
-
-    /// Takes those of a later block in, whose numbers follow.
-    pub(crate) fn append(&mut self, mut later: Self) {
-        let before = self.len();
-        if before == 0 {
-            *self = later;
-            return;
-        }
-        self.states.append(&mut later.states);
-        self.measures.append(&mut later.measures);
-        self.ends.append(&mut later.ends);
-        self.stats.append(&mut later.stats);
-        let later = later.stopped.into_iter();
-        self.stopped.extend(later.map(|stopped| Stopped { at: before + stopped.at, ..stopped }));
-    }
-
-    pub(crate) fn into_trajectories<const N: usize>(self, t_end: f64) -> Vec<Trajectory<[f64; N], E>> {
-        let array = |numbers: &[f64]| std::array::from_fn(|c| numbers[c]);
-        let mut stopped = self.stopped.into_iter().peekable();
-        let mut samples = self.states.chunks(N.max(1));
-        let one = |(k, &stats): (usize, &Stats)| {
-            let own = stopped.next_if(|stopped| stopped.at == k);
-            let mut samples: Vec<[f64; N]> = samples.by_ref().take(self.n_times).map(array).collect();
-            let state = array(&self.ends[k * N..(k + 1) * N]);
-            let Some(Stopped { n_samples, t, stop, .. }) = own else {
-                return Trajectory { t: t_end, state, samples, stats, stop: None };
-            };
-            samples.truncate(n_samples);
-            Trajectory { t, state, samples, stats, stop: Some(stop) }
-        };
-        self.stats.iter().enumerate().map(one).collect()
     }
 }

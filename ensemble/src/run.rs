@@ -9,7 +9,7 @@ use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
 use crate::error::Error;
 use crate::lanes::{Family, Generated, Lanes, Source};
-use crate::motions::{Members, Motions, Trajectory};
+use crate::motions::{Members, Motions, Part, Trajectory};
 use crate::space::{Goal, Space};
 
 /// How the trajectories of an ensemble are integrated: method, options, lanes.
@@ -105,21 +105,20 @@ impl<M, L> Ensemble<M, L> {
         let n_groups = members.n.div_ceil(L::LANES);
         let length =
             n_groups.div_ceil(BLOCKS_OF_A_THREAD * rayon::current_num_threads()).clamp(1, LARGEST_BLOCK);
-        let block = |at: usize| {
+        let block = |mut part: Part<'_>| {
             let (mut on_lanes, mut single) = (Space::default(), Space::default());
-            let mut done = Motions::none(members.n_state, times.len());
-            for group in at * length..n_groups.min((at + 1) * length) {
-                let first = group * L::LANES;
-                let range = first..members.n.min(first + L::LANES);
+            let mut stopped = Vec::new();
+            for first in (0..part.len()).step_by(L::LANES) {
+                let range = first..part.len().min(first + L::LANES);
                 let width = range.len();
-                goal.group::<L, E>((&mut on_lanes, &mut single), members, range, &mut done);
+                goal.group::<L, E>((&mut on_lanes, &mut single), members, range, (&mut part, &mut stopped));
                 progress(width);
             }
-            done
+            stopped
         };
-        let mut all = Motions::none(members.n_state, times.len());
-        share_out(n_groups.div_ceil(length), &block).into_iter().for_each(|done| all.append(done));
-        all
+        let mut all = Motions::of(members.n, members.n_state, times.len());
+        let stopped = share_out(all.parts(length * L::LANES), &block);
+        Motions { stopped: stopped.into_iter().flatten().collect(), ..all }
     }
 }
 
@@ -129,8 +128,8 @@ const LARGEST_BLOCK: usize = 256;
 /// Blocks for each thread, so that none waits long for the last one.
 const BLOCKS_OF_A_THREAD: usize = 8;
 
-/// The tasks `0..n` on the threads of the current pool, their results in order. What a task does is behind a pointer,
+/// A task on each part by the threads of the current pool, the results in order. What a task does is behind a pointer,
 /// so that this is compiled once for each type of results, not for each system and method.
-fn share_out<T: Send>(n: usize, task: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
-    (0..n).into_par_iter().map(task).collect()
+fn share_out<T: Send>(parts: Vec<Part<'_>>, task: &(dyn Fn(Part<'_>) -> T + Sync)) -> Vec<T> {
+    parts.into_par_iter().map(task).collect()
 }

@@ -8,7 +8,7 @@ use hamel_runtime::{AtRest, Integrator, Method, Options, StateVector as _, Stats
 
 use crate::error::Stop;
 use crate::lanes::{Lanes, Source};
-use crate::motions::{Members, Motions, Stopped};
+use crate::motions::{Members, Part, Stopped};
 
 /// What every trajectory of an ensemble is asked for.
 pub(crate) struct Goal<'a, P, M> {
@@ -54,36 +54,35 @@ impl<P, M: Copy> Goal<'_, P, M> {
         (on_lanes, single): Spaces<'_, L, P, M>,
         members: &Members<'_>,
         range: Range<usize>,
-        done: &mut Motions<E>,
+        (part, stopped): (&mut Part<'_>, &mut Vec<Stopped<E>>),
     ) where
         P: Source<f64, Error = E> + Source<L, Error = E>,
         M: Method<f64, <P as Source<f64>>::System> + Method<L, <P as Source<L>>::System>,
     {
-        let (first, width) = (done.len(), range.len());
-        done.grow(width);
+        let (first, width, before) = (range.start, range.len(), part.first);
         // Lanes beyond the last trajectory repeat it.
-        let of = |lane: usize| (members.member)(range.start + lane.min(width - 1));
+        let of = |lane: usize| (members.member)(before + first + lane.min(width - 1));
         let n_params = of(0).0.len();
         if L::LANES > 1 && (1..width).all(|lane| of(lane).0.len() == n_params) {
             let put = |time: usize, y: &[L], measure: Option<L>| {
-                (0..width).for_each(|lane| done.put((first + lane, time, lane), y, measure));
+                (0..width).for_each(|lane| part.put((first + lane, time, lane), y, measure));
             };
             on_lanes.gather(of);
             let ended = self.integrate::<L, E>(on_lanes, put);
             if ended.stop.is_none() {
-                (0..width).for_each(|lane| done.end((first + lane, lane), &on_lanes.state, ended.stats));
+                (0..width).for_each(|lane| part.end((first + lane, lane), &on_lanes.state, ended.stats));
                 return;
             }
         }
         for lane in 0..width {
             let at = first + lane;
-            done.clear(at);
+            part.clear(at);
             single.gather(|_| of(lane));
-            let put = |time: usize, y: &[f64], measure: Option<f64>| done.put((at, time, 0), y, measure);
+            let put = |time: usize, y: &[f64], measure: Option<f64>| part.put((at, time, 0), y, measure);
             let Ended { t, n_samples, stats, stop } = self.integrate::<f64, E>(single, put);
-            done.end((at, 0), &single.state, stats);
+            part.end((at, 0), &single.state, stats);
             if let Some(stop) = stop {
-                done.stopped.push(Stopped { at, n_samples, t, stop });
+                stopped.push(Stopped { at: before + at, n_samples, t, stop });
             }
         }
     }

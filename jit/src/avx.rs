@@ -1,9 +1,9 @@
-//! Functions of a program as machine code on four numbers side by side, for processors with AVX2: the same operations
-//! in the same order. Cranelift has registers of two numbers.
+//! Functions of a program as machine code on four or eight numbers side by side, for processors with AVX2 or AVX-512:
+//! the same operations in the same order. Cranelift has registers of two numbers.
 //!
-//! A function is straight-line code. Its values stay in the sixteen registers as long as they are needed soonest; what
-//! is read from vectors is read where it is needed. Where an angle is beyond the bound of the kernel of sine and
-//! cosine, the code gives up, and the caller takes another way.
+//! A function is straight-line code. Its values stay in the registers as long as they are needed soonest; numbers of
+//! vectors are read where they are needed, and stay in registers that are free. Where an angle is beyond the bound of
+//! the kernel of sine and cosine, the code gives up, and the caller takes another way.
 //!
 //! Deliberately does not know: how code is made runnable, tables of products, elementary functions but sine, cosine and
 //! the absolute value: a function with others has no such code.
@@ -15,134 +15,128 @@ use hamel_program::program::{Constant, Function, Op, Operand, Program, Signs};
 use hamel_runtime::math::kernel::BOUND;
 
 use crate::assembler::{Assembler, Binary, Place};
+use crate::instructions::{Instruction, Value, in_turn, needed};
 use crate::kernel::{Step, kernel};
+use crate::lanes::Form;
 use crate::translate::{Pointer, outputs};
 
-/// A constant on every lane.
+/// A constant on every lane of the largest register.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(32))]
-pub(crate) struct Four(#[expect(dead_code, reason = "compiled code reads it")] [u64; 4]);
-
-/// Bytes of a number on all lanes.
-const STRIDE: usize = size_of::<Four>();
-
-/// A value: the result of an instruction, or a number of a vector.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Value {
-    Temporary(usize),
-    Number(Pointer, usize),
-}
-
-/// One instruction on values.
-#[derive(Clone, Copy, Debug)]
-enum Instruction {
-    Binary(Binary, usize, [Value; 2]),
-    Root(usize, Value),
-    /// Bits moved to the left.
-    Shift(usize, Value, u8),
-    /// The second where the sign bit of the third is set, otherwise the first.
-    Choose(usize, [Value; 3]),
-    Store(Value, Pointer, usize),
-    /// Gives up where a lane of the first is larger than the second.
-    Guard(usize, [Value; 2]),
-}
-
-impl Instruction {
-    fn operands(&self) -> impl Iterator<Item = Value> {
-        let (first, others): (Value, [Option<Value>; 2]) = match *self {
-            Instruction::Binary(_, _, [a, b]) | Instruction::Guard(_, [a, b]) => (a, [Some(b), None]),
-            Instruction::Choose(_, [a, b, c]) => (a, [Some(b), Some(c)]),
-            Instruction::Root(_, a) | Instruction::Shift(_, a, _) | Instruction::Store(a, ..) => {
-                (a, [None; 2])
-            }
-        };
-        std::iter::once(first).chain(others.into_iter().flatten())
-    }
-
-    /// What it computes, if it does nothing else.
-    fn result(&self) -> Option<usize> {
-        match *self {
-            Instruction::Binary(_, to, _)
-            | Instruction::Root(to, _)
-            | Instruction::Shift(to, ..)
-            | Instruction::Choose(to, _) => Some(to),
-            Instruction::Store(..) | Instruction::Guard(..) => None,
-        }
-    }
-}
+#[repr(align(64))]
+pub(crate) struct Spread(#[expect(dead_code, reason = "compiled code reads it")] [u64; 8]);
 
 /// Code and the constants that it reads.
 pub(crate) struct Emitted {
     pub(crate) code: Vec<u8>,
-    pub(crate) constants: Vec<Four>,
+    pub(crate) constants: Vec<Spread>,
 }
 
 /// The code of a function, unless it has operations that there is no code for.
-pub(crate) fn emit(function: &Function, program: &Program) -> Option<Emitted> {
-    let mut writer = Writer::new(program);
+pub(crate) fn emit(function: &Function, program: &Program, form: Form) -> Option<Emitted> {
+    let mut writer = Writer::new(program, form);
     writer.function(function)?;
     let Writer { instructions, n_temporaries, constants, .. } = writer;
-    let mut assembler = Assembler::default();
-    let n_slots = allocate(&mut assembler, &needed(instructions, n_temporaries), n_temporaries);
-    Some(Emitted { code: assembler.finish(n_slots * STRIDE), constants })
+    let mut assembler = Assembler::new(form.encoding);
+    let instructions = needed(instructions, n_temporaries);
+    let n_slots = allocate(&mut assembler, &instructions, n_temporaries);
+    Some(Emitted { code: assembler.finish(n_slots * form.encoding.n_bytes()), constants })
 }
 
 /// Bytes of a loop that the processor keeps near, beside what it works on.
 const MAX_LOOP: usize = 24_000;
 
-/// Code of a row of the midpoint rule around a right-hand side, from its second increment on:
+/// Instructions of a substep that the processor looks beyond: it works on the next row meanwhile, though that stands
+/// behind. Longer substeps are written one instruction in turn.
+///
+/// Nanoseconds an evaluation of the right-hand side of `heavy_top`, `kirchhoff_body`, `chaplygin_ball` and
+/// `two_arm_satellite` on eight lanes (AVX-512, AMD EPYC of family 25) with two rows one after the other: 10.2, 28.3,
+/// 26.6, 60.3; in turn: 11.1, 26.5, 26.7, 56.6; with one row alone 14.8, 34.3, 31.9, 63.4.
+const MAX_IN_SIGHT: usize = 80;
+
+/// Code of one or two rows of the midpoint rule around a right-hand side:
 ///
 /// ```text
-/// even += 2 eta f(t, y + odd),  t += eta,  and then n - 1 times:
+/// even = 0,  odd = eta f,  even += 2 eta f(t, y + odd),  t += eta,  and then n - 1 times:
 /// odd  += 2 eta f(t, y + even), t += eta,  even += 2 eta f(t, y + odd),  t += eta
 /// ```
 ///
-/// The state is `y`, the results are `even` and, behind it, `odd`; the argument has `eta` and `2 eta`, and the last
-/// pointer is the number `n`. None for functions with operations that there is no code for, with tables, and for code
-/// so long that a loop gains nothing.
-pub(crate) fn emit_row(function: &Function, program: &Program) -> Option<Emitted> {
+/// Of two rows, which do not depend on each other, the first goes on for another time.
+///
+/// The state is `y`, the argument `f`; the results are `even` and, behind it, `odd`, a row behind the other. The time
+/// is that of two rows, and behind it `eta` and `2 eta` of each; the last pointer is the number `n`. None for functions
+/// with operations that there is no code for, with tables, and for code so long that a loop gains nothing.
+pub(crate) fn emit_rows(
+    function: &Function,
+    program: &Program,
+    form: Form,
+    n_rows: usize,
+) -> Option<Emitted> {
     let n = program.state.len();
     if function.results.len() != n || !function.argument.is_empty() || !function.contractions.is_empty() {
         return None;
     }
-    let mut writer = Writer::new(program);
-    let bodies = [(0, n), (n, 0)].map(|(at, to)| writer.substep(function, (at, to)));
-    let (mut assembler, mut n_slots, mut second) = (Assembler::default(), 0, 0);
-    for body in bodies {
-        second = assembler.len();
-        let body = needed(body?, writer.n_temporaries);
-        n_slots = n_slots.max(allocate(&mut assembler, &body, writer.n_temporaries));
+    let mut writer = Writer::new(program, form);
+    let (mut assembler, mut n_slots) = (Assembler::new(form.encoding), 0);
+    let mut write = |rows: usize, to_even: bool, assembler: &mut Assembler| {
+        let mut bodies = Vec::new();
+        for row in 0..rows {
+            let (even, odd) = (2 * n * row, 2 * n * row + n);
+            let body = writer.substep(function, row, if to_even { (odd, even) } else { (even, odd) })?;
+            bodies.push(needed(body, writer.n_temporaries));
+        }
+        let is_short = bodies.iter().all(|body| body.len() <= MAX_IN_SIGHT);
+        let all = if is_short { bodies.concat() } else { in_turn(bodies) };
+        n_slots = n_slots.max(allocate(assembler, &all, writer.n_temporaries));
+        Some(())
+    };
+    write(n_rows, false, &mut assembler)?;
+    let second = assembler.len();
+    write(n_rows, true, &mut assembler)?;
+    if assembler.len() > MAX_LOOP {
+        return None;
     }
-    let is_short = assembler.len() <= MAX_LOOP;
-    is_short.then(|| Emitted {
-        code: assembler.finish_loop(n_slots * STRIDE, second),
-        constants: writer.constants,
-    })
+    assembler.end_loop();
+    if n_rows > 1 {
+        write(1, false, &mut assembler)?;
+        write(1, true, &mut assembler)?;
+    }
+    let entry = entry_of_rows(n, form, n_rows);
+    let code = assembler.finish_loop(n_slots * form.encoding.n_bytes(), &entry, second);
+    Some(Emitted { code, constants: writer.constants })
 }
 
-/// The instructions whose results are needed.
-fn needed(instructions: Vec<Instruction>, n_temporaries: usize) -> Vec<Instruction> {
-    let mut is_used = vec![false; n_temporaries];
-    let mut kept: Vec<Instruction> = Vec::with_capacity(instructions.len());
-    for instruction in instructions.into_iter().rev() {
-        if instruction.result().is_some_and(|result| !is_used[result]) {
-            continue;
+/// `even = 0` and `odd = eta f` for each row.
+fn entry_of_rows(n: usize, form: Form, n_rows: usize) -> Assembler {
+    let (zero, slope, product) = (0, 1, 2);
+    let mut entry = Assembler::new(form.encoding);
+    let number = |pointer: Pointer, place: usize| Place::Number(pointer, place * form.stride());
+    entry.binary(Binary::Xor, zero, zero, Place::Register(zero));
+    for component in 0..n {
+        entry.load(slope, number(Pointer::Argument, component));
+        for row in 0..n_rows {
+            let (even, odd) = (2 * n * row + component, 2 * n * row + n + component);
+            entry.store(zero, number(Pointer::Out, even));
+            entry.binary(Binary::Mul, product, slope, number(Pointer::Time, size_of_row(row)));
+            entry.store(product, number(Pointer::Out, odd));
         }
-        for operand in instruction.operands() {
-            if let Value::Temporary(k) = operand {
-                is_used[k] = true;
-            }
-        }
-        kept.push(instruction);
     }
-    kept.reverse();
-    kept
+    entry
+}
+
+/// Most rows of a loop, whose times are the first numbers behind the pointer of the time.
+pub(crate) const MOST_ROWS: usize = 2;
+
+/// Where `eta` of a row is behind the pointer of the time; behind it is `2 eta`.
+pub(crate) const fn size_of_row(row: usize) -> usize {
+    MOST_ROWS + 2 * row
 }
 
 struct Writer<'a> {
+    /// Bytes from a number of a vector to the next.
+    stride: usize,
     instructions: Vec<Instruction>,
     n_temporaries: usize,
-    constants: Vec<Four>,
+    constants: Vec<Spread>,
     places: HashMap<u64, usize>,
     numbers: &'a [Constant],
     n_slots: usize,
@@ -154,11 +148,14 @@ struct Writer<'a> {
     /// The components of the moved state that there are.
     moved: HashMap<u32, Value>,
     has_time: bool,
+    /// Which of several rows is written.
+    row: usize,
 }
 
 impl<'a> Writer<'a> {
-    fn new(program: &'a Program) -> Writer<'a> {
+    fn new(program: &'a Program, form: Form) -> Writer<'a> {
         Writer {
+            stride: form.stride(),
             instructions: Vec::new(),
             n_temporaries: 0,
             constants: Vec::new(),
@@ -170,11 +167,18 @@ impl<'a> Writer<'a> {
             increments: None,
             moved: HashMap::new(),
             has_time: false,
+            row: 0,
         }
     }
 
-    /// `to += 2 eta f(t, y + at)` and the time after it, where it is read.
-    fn substep(&mut self, function: &Function, (at, to): (usize, usize)) -> Option<Vec<Instruction>> {
+    /// `to += 2 eta f(t, y + at)` of a row, and the time after it, where it is read.
+    fn substep(
+        &mut self,
+        function: &Function,
+        row: usize,
+        (at, to): (usize, usize),
+    ) -> Option<Vec<Instruction>> {
+        self.row = row;
         self.values.clear();
         self.angles.clear();
         self.moved.clear();
@@ -183,16 +187,18 @@ impl<'a> Writer<'a> {
             let value = self.instruction(instruction.op)?;
             self.values.push(value);
         }
-        let number = |pointer: Pointer, place: usize| Value::Number(pointer, place * STRIDE);
+        let stride = self.stride;
+        let number = |pointer: Pointer, place: usize| Value::Number(pointer, place * stride);
         for (operand, (pointer, place)) in outputs(function) {
             let slope = self.read(operand);
             let before = number(pointer, to + place);
-            let after = self.mul_add(Signs::default(), number(Pointer::Argument, 1), slope, before);
-            self.instructions.push(Instruction::Store(after, pointer, (to + place) * STRIDE));
+            let after =
+                self.mul_add(Signs::default(), number(Pointer::Time, size_of_row(row) + 1), slope, before);
+            self.instructions.push(Instruction::Store(after, pointer, (to + place) * stride));
         }
         if self.has_time {
-            let later = self.add(number(Pointer::Time, 0), number(Pointer::Argument, 0));
-            self.instructions.push(Instruction::Store(later, Pointer::Time, 0));
+            let later = self.add(number(Pointer::Time, row), number(Pointer::Time, size_of_row(row)));
+            self.instructions.push(Instruction::Store(later, Pointer::Time, row * stride));
         }
         Some(std::mem::take(&mut self.instructions))
     }
@@ -204,7 +210,7 @@ impl<'a> Writer<'a> {
         }
         for (operand, (pointer, place)) in outputs(function) {
             let value = self.read(operand);
-            self.instructions.push(Instruction::Store(value, pointer, place * STRIDE));
+            self.instructions.push(Instruction::Store(value, pointer, place * self.stride));
         }
         Some(())
     }
@@ -217,10 +223,10 @@ impl<'a> Writer<'a> {
     fn bits(&mut self, bits: u64) -> Value {
         let constants = &mut self.constants;
         let place = *self.places.entry(bits).or_insert_with(|| {
-            constants.push(Four([bits; 4]));
+            constants.push(Spread([bits; 8]));
             constants.len() - 1
         });
-        Value::Number(Pointer::Constants, place * STRIDE)
+        Value::Number(Pointer::Constants, place * size_of::<Spread>())
     }
 
     fn constant(&mut self, x: f64) -> Value {
@@ -228,7 +234,8 @@ impl<'a> Writer<'a> {
     }
 
     fn read(&mut self, operand: Operand) -> Value {
-        let number = |pointer: Pointer, place: usize| Value::Number(pointer, place * STRIDE);
+        let stride = self.stride;
+        let number = |pointer: Pointer, place: usize| Value::Number(pointer, place * stride);
         match operand {
             Operand::Value(i) => self.values[i as usize],
             Operand::Constant(i) => self.constant(self.numbers[i as usize].value()),
@@ -238,7 +245,7 @@ impl<'a> Writer<'a> {
             Operand::Input(i) => number(Pointer::Prepared, self.n_slots + i as usize),
             Operand::Time => {
                 self.has_time = true;
-                number(Pointer::Time, 0)
+                number(Pointer::Time, self.row)
             }
             Operand::State(i) => match self.increments {
                 None => number(Pointer::State, i as usize),
@@ -401,14 +408,16 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Number of registers.
-const N_REGISTERS: usize = 16;
-
 /// Where the values are while code is written.
 struct Allocation<'a> {
     assembler: &'a mut Assembler,
+    /// Bytes of a register.
+    n_bytes: usize,
     /// What each register has.
-    contents: [Option<usize>; N_REGISTERS],
+    contents: Vec<Option<usize>>,
+    /// Numbers of vectors that nothing is written to, by their place among the values, behind the temporary ones.
+    numbers: HashMap<(Pointer, usize), usize>,
+    n_temporaries: usize,
     /// The register of each value.
     registers: Vec<Option<usize>>,
     /// The place of each value on the stack, once it has one.
@@ -421,18 +430,37 @@ struct Allocation<'a> {
 /// Writes instructions with values in registers; how many of them are on the stack.
 fn allocate(assembler: &mut Assembler, instructions: &[Instruction], n_temporaries: usize) -> usize {
     let mut uses: Vec<Vec<usize>> = vec![Vec::new(); n_temporaries];
+    let mut numbers = HashMap::new();
+    let written: Vec<usize> = instructions
+        .iter()
+        .filter_map(|instruction| match instruction {
+            Instruction::Store(_, Pointer::Time, offset) => Some(*offset),
+            _ => None,
+        })
+        .collect();
     for (at, instruction) in instructions.iter().enumerate().rev() {
         for operand in instruction.operands() {
-            if let Value::Temporary(k) = operand {
-                uses[k].push(at);
-            }
+            let k = match operand {
+                Value::Temporary(k) => k,
+                Value::Number(Pointer::Out | Pointer::Scalars, _) => continue,
+                Value::Number(Pointer::Time, offset) if written.contains(&offset) => continue,
+                Value::Number(pointer, offset) => *numbers.entry((pointer, offset)).or_insert_with(|| {
+                    uses.push(Vec::new());
+                    uses.len() - 1
+                }),
+            };
+            uses[k].push(at);
         }
     }
+    let encoding = assembler.encoding();
     let mut allocation = Allocation {
+        n_bytes: encoding.n_bytes(),
         assembler,
-        contents: [None; N_REGISTERS],
-        registers: vec![None; n_temporaries],
+        contents: vec![None; encoding.n_registers()],
+        registers: vec![None; uses.len()],
         slots: vec![None; n_temporaries],
+        numbers,
+        n_temporaries,
         n_slots: 0,
         uses,
     };
@@ -451,7 +479,7 @@ impl Allocation<'_> {
                     operation.commutes() && self.register(a).is_none() && self.register(b).is_some();
                 let (a, b) = if is_swapped { (b, a) } else { (a, b) };
                 let first = self.loaded(a, &[b]);
-                let second = self.place(b);
+                let second = self.place_near(b, at, &[first]);
                 self.forget(at, instruction);
                 let target = self.target(to, &[first, second]);
                 self.assembler.binary(operation, target, first.register(), second);
@@ -496,20 +524,45 @@ impl Allocation<'_> {
     fn register(&self, value: Value) -> Option<usize> {
         match value {
             Value::Temporary(k) => self.registers[k],
-            Value::Number(..) => None,
+            Value::Number(pointer, offset) => self.registers[*self.numbers.get(&(pointer, offset))?],
         }
     }
 
     /// Where a value is.
     fn place(&self, value: Value) -> Place {
         match value {
-            Value::Number(pointer, offset) => Place::Number(pointer, offset),
+            Value::Number(pointer, offset) => match self.register(value) {
+                Some(register) => Place::Register(register),
+                None => Place::Number(pointer, offset),
+            },
             Value::Temporary(k) => match (self.registers[k], self.slots[k]) {
                 (Some(register), _) => Place::Register(register),
-                (None, Some(slot)) => Place::Stack(slot * STRIDE),
+                (None, Some(slot)) => Place::Stack(slot * self.n_bytes),
                 (None, None) => unreachable!("a value that is read before it is computed"),
             },
         }
+    }
+
+    /// The place of a value among all, unless it is a number that may change.
+    fn index(&self, value: Value) -> Option<usize> {
+        match value {
+            Value::Temporary(k) => Some(k),
+            Value::Number(pointer, offset) => self.numbers.get(&(pointer, offset)).copied(),
+        }
+    }
+
+    /// Where an operand is; a number that is needed again goes to a register if one is free.
+    fn place_near(&mut self, value: Value, at: usize, beside: &[Place]) -> Place {
+        let place = self.place(value);
+        let (Place::Number(..), Some(k)) = (place, self.index(value)) else { return place };
+        let is_needed_again = self.uses[k].iter().any(|own| *own > at);
+        let is_free = |r: &usize| self.contents[*r].is_none() && !beside.contains(&Place::Register(*r));
+        let found = (0..self.contents.len()).find(is_free).filter(|_| is_needed_again);
+        let Some(register) = found else { return place };
+        self.assembler.load(register, place);
+        self.registers[k] = Some(register);
+        self.contents[register] = Some(k);
+        Place::Register(register)
     }
 
     /// A value in a register, beside others that are kept where they are.
@@ -526,7 +579,7 @@ impl Allocation<'_> {
         kept.extend(keep.iter().map(|value| self.place(*value)));
         let register = self.free(&kept);
         self.assembler.load(register, place);
-        if let Value::Temporary(k) = value {
+        if let Some(k) = self.index(value) {
             self.registers[k] = Some(register);
             self.contents[register] = Some(k);
         }
@@ -545,11 +598,11 @@ impl Allocation<'_> {
         register
     }
 
-    /// A register that is free, or whose value is needed last among the others that are not kept, which goes to the
-    /// stack.
+    /// A register that is free, or whose value is needed last among the others that are not kept: of a number, which is
+    /// in memory anyway, or of another value, which goes to the stack.
     fn free(&mut self, kept: &[Place]) -> usize {
         let is_kept = |register: usize| kept.contains(&Place::Register(register));
-        let unused = (0..N_REGISTERS).find(|r| self.contents[*r].is_none() && !is_kept(*r));
+        let unused = (0..self.contents.len()).find(|r| self.contents[*r].is_none() && !is_kept(*r));
         if let Some(register) = unused {
             return register;
         }
@@ -557,12 +610,14 @@ impl Allocation<'_> {
             let of = |k: usize| self.uses[k].last().copied().unwrap_or(usize::MAX);
             self.contents[*register].map_or(usize::MAX, of)
         };
-        // Instructions have three operands, and there are sixteen registers.
-        let found = (0..N_REGISTERS).filter(|r| !is_kept(*r)).max_by_key(next_use);
+        // Instructions have three operands, and there are more registers.
+        let is_number = |r: &usize| self.contents[*r].is_some_and(|k| k >= self.n_temporaries);
+        let found =
+            (0..self.contents.len()).filter(|r| !is_kept(*r)).max_by_key(|r| (is_number(r), next_use(r)));
         let register = found.expect("a register");
         if let Some(k) = self.contents[register].take() {
             self.registers[k] = None;
-            if self.slots[k].is_none() {
+            if k < self.n_temporaries && self.slots[k].is_none() {
                 self.slots[k] = Some(self.n_slots);
                 self.n_slots += 1;
                 self.assembler.store(register, self.place(Value::Temporary(k)));
@@ -574,13 +629,12 @@ impl Allocation<'_> {
     /// Forgets the operands of an instruction that no later one needs.
     fn forget(&mut self, at: usize, instruction: &Instruction) {
         for operand in instruction.operands() {
-            if let Value::Temporary(k) = operand {
-                while self.uses[k].last() == Some(&at) {
-                    self.uses[k].pop();
-                }
-                if self.uses[k].is_empty() {
-                    self.release(k);
-                }
+            let Some(k) = self.index(operand) else { continue };
+            while self.uses[k].last() == Some(&at) {
+                self.uses[k].pop();
+            }
+            if self.uses[k].is_empty() {
+                self.release(k);
             }
         }
     }

@@ -17,21 +17,20 @@ use cranelift_frontend::FunctionBuilderContext;
 use cranelift_jit::{JITBuilder, JITModule};
 use cranelift_module::{FuncId, Linkage, Module, default_libcall_names};
 use hamel_program::program::{Function, Point, Program};
-use hamel_runtime::F64x4;
 
-use crate::avx::{self, Four};
+use crate::avx::{self, Spread};
 use crate::calls::Call;
 use crate::error::Error;
-use crate::translate::{Imports, LANES, N_POINTERS, Twice, Width, translate};
+use crate::lanes::{Form, Wide};
+use crate::translate::{Imports, N_POINTERS, Twice, Width, translate};
 
 /// Pointers in the order of [`Pointer`](crate::translate::Pointer).
 type Entry =
     extern "C" fn(*const f64, *mut f64, *const f64, *const f64, *const f64, *const f64, *const f64, *mut f64);
 
 const _: () = assert!(N_POINTERS == 8, "as many as `Entry` takes");
-const _: () = assert!(F64x4::LANES == LANES && size_of::<F64x4>() == LANES * size_of::<f64>());
 
-/// The same for code on four lanes, which returns another number than zero where it has given up.
+/// The same for code on lanes, which returns another number than zero where it has given up.
 type WideEntry = extern "C" fn(
     *const f64,
     *mut f64,
@@ -244,18 +243,18 @@ impl Code {
         );
     }
 
-    /// Calls the function on four lanes, two and two.
+    /// Calls the function on lanes, two and two.
     ///
     /// # Panics
-    /// When a size is wrong, or the code is for single numbers.
+    /// When a size is wrong, or the code is for single numbers or other lanes.
     #[inline]
-    pub(crate) fn call_on_lanes(&self, vectors: &mut Vectors<'_, F64x4>) {
-        self.check(Width::Pair, vectors);
+    pub(crate) fn call_on_lanes<L: Wide>(&self, vectors: &mut Vectors<'_, L>) {
+        self.check(Width::PairOf(L::WIDTH), vectors);
         let Vectors { params, prepared, t, state, argument, out, scalars } = vectors;
-        for lane in [0, 2] {
+        for lane in (0..L::WIDTH).step_by(2) {
             // Vectors without components have no lanes to go to; nothing is read there or written.
-            let at = |vector: *const F64x4| vector.cast::<f64>().wrapping_add(lane);
-            let at_mut = |vector: *mut F64x4| vector.cast::<f64>().wrapping_add(lane);
+            let at = |vector: *const L| vector.cast::<f64>().wrapping_add(lane);
+            let at_mut = |vector: *mut L| vector.cast::<f64>().wrapping_add(lane);
             (self.entry)(
                 at(state.as_ptr()),
                 at_mut(out.as_mut_ptr()),
@@ -270,29 +269,23 @@ impl Code {
     }
 }
 
-/// A function as machine code on four lanes at once.
+/// A function as machine code on lanes at once, a register after the other.
 pub(crate) struct WideCode {
     entry: WideEntry,
-    constants: Vec<Four>,
+    constants: Vec<Spread>,
     sizes: Sizes,
+    form: Form,
     has_tables: bool,
     _memory: Memory,
 }
 
 impl fmt::Debug for WideCode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("WideCode").field("sizes", &self.sizes).finish_non_exhaustive()
+        f.debug_struct("WideCode")
+            .field("sizes", &self.sizes)
+            .field("form", &self.form)
+            .finish_non_exhaustive()
     }
-}
-
-/// Whether this processor runs code on four lanes, with the bits of the runtime: it has no operations that are rounded
-/// once.
-pub(crate) fn has_four_lanes() -> bool {
-    #[cfg(all(target_arch = "x86_64", not(windows)))]
-    let has_registers = std::is_x86_feature_detected!("avx2");
-    #[cfg(not(all(target_arch = "x86_64", not(windows))))]
-    let has_registers = false;
-    has_registers && !hamel_runtime::math::FUSED
 }
 
 /// Bytes as code that can be called, as long as its memory is there.
@@ -307,25 +300,25 @@ fn runnable(isa: &OwnedTargetIsa, function: &Function, code: &[u8]) -> Result<(*
 }
 
 impl WideCode {
-    /// Compiles a function of a verified program, unless the processor has no such code or the function has
-    /// operations that there is none for.
+    /// Compiles a function of a verified program for registers that the processor has, unless the function has
+    /// operations that there is no such code for.
     pub(crate) fn compile(
         isa: &OwnedTargetIsa,
         program: &Program,
         function: &Function,
+        form: Form,
     ) -> Result<Option<WideCode>, Error> {
-        if !has_four_lanes() {
+        let Some(avx::Emitted { code, constants }) = avx::emit(function, program, form) else {
             return Ok(None);
-        }
-        let Some(avx::Emitted { code, constants }) = avx::emit(function, program) else { return Ok(None) };
+        };
         let (address, memory) = runnable(isa, function, &code)?;
         // SAFETY: the code at this address takes eight pointers and returns a number in the calling convention of
-        // x86-64 but on Windows, which `has_four_lanes` excludes; it is `extern "C"` there.
+        // x86-64 but on Windows, where there is no form; it is `extern "C"` there.
         #[allow(unsafe_code)]
         let entry = unsafe { std::mem::transmute::<*const u8, WideEntry>(address) };
         let sizes = Sizes::of(program, function);
         let has_tables = !function.contractions.is_empty();
-        Ok(Some(WideCode { entry, constants, sizes, has_tables, _memory: memory }))
+        Ok(Some(WideCode { entry, constants, sizes, form, has_tables, _memory: memory }))
     }
 
     /// Whether tables are to be run through after the code.
@@ -334,18 +327,18 @@ impl WideCode {
         self.has_tables
     }
 
-    /// Calls the function on four lanes, with its results and its scalars behind the point; false where it has given
-    /// up, and what it has written is of no account.
+    /// Calls the function on lanes, with its results and its scalars behind the point; false where it has given up, and
+    /// what it has written is of no account.
     ///
     /// # Panics
-    /// When a size is wrong.
+    /// When a size is wrong, or the code is for other lanes.
     #[inline]
-    pub(crate) fn call(
+    pub(crate) fn call<L: Wide>(
         &self,
-        params: &[F64x4],
-        prepared: &[F64x4],
-        point: &Point<'_, F64x4>,
-        (out, scalars): (&mut [F64x4], &mut [F64x4]),
+        params: &[L],
+        prepared: &[L],
+        point: &Point<'_, L>,
+        (out, scalars): (&mut [L], &mut [L]),
     ) -> bool {
         let Point { t, state, argument } = point;
         let sizes = Sizes {
@@ -356,18 +349,23 @@ impl WideCode {
             out: out.len(),
             scalars: scalars.len(),
         };
-        assert!(self.sizes == sizes, "numbers of components");
-        let given_up = (self.entry)(
-            state.as_ptr().cast(),
-            out.as_mut_ptr().cast(),
-            prepared.as_ptr().cast(),
-            self.constants.as_ptr().cast(),
-            params.as_ptr().cast(),
-            (&raw const *t).cast(),
-            argument.as_ptr().cast(),
-            scalars.as_mut_ptr().cast(),
-        );
-        given_up == 0
+        assert!(self.sizes == sizes && self.form.lanes == L::WIDTH, "numbers of components, or of lanes");
+        self.form.starts().all(|lane| {
+            // Vectors without components have no lanes to go to; nothing is read there or written.
+            let at = |vector: *const L| vector.cast::<f64>().wrapping_add(lane);
+            let at_mut = |vector: *mut L| vector.cast::<f64>().wrapping_add(lane);
+            let given_up = (self.entry)(
+                at(state.as_ptr()),
+                at_mut(out.as_mut_ptr()),
+                at(prepared.as_ptr()),
+                self.constants.as_ptr().cast(),
+                at(params.as_ptr()),
+                at(&raw const *t),
+                at(argument.as_ptr()),
+                at_mut(scalars.as_mut_ptr()),
+            );
+            given_up == 0
+        })
     }
 }
 
@@ -383,32 +381,49 @@ type RowEntry = extern "C" fn(
     usize,
 ) -> u32;
 
-/// A row of the midpoint rule around a right-hand side as machine code on four lanes at once.
-pub(crate) struct RowCode {
-    entry: RowEntry,
-    constants: Vec<Four>,
+/// Rows of the midpoint rule around a right-hand side as machine code on lanes at once, a register after the other.
+pub(crate) struct RowsCode {
+    one: Loop,
+    /// Two rows at once, where that takes less time.
+    two: Option<Loop>,
     sizes: Sizes,
+    form: Form,
+}
+
+/// A loop around one or two rows.
+struct Loop {
+    entry: RowEntry,
+    constants: Vec<Spread>,
     _memory: Memory,
 }
 
-impl fmt::Debug for RowCode {
+impl fmt::Debug for RowsCode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("RowCode").field("sizes", &self.sizes).finish_non_exhaustive()
+        f.debug_struct("RowsCode")
+            .field("sizes", &self.sizes)
+            .field("form", &self.form)
+            .finish_non_exhaustive()
     }
 }
 
-impl RowCode {
-    /// Compiles a row around a function of a verified program, unless the processor has no such code or
-    /// [`avx::emit_row`] has none.
-    pub(crate) fn compile(
+/// What rows read: parameters, prepared numbers, the state and its derivative; times, which the code moves on, and
+/// sizes of substeps.
+struct Reading<'a, L> {
+    params: &'a [L],
+    prepared: &'a [L],
+    start: (&'a [L], &'a [L]),
+    times: [L; 3 * avx::MOST_ROWS],
+}
+
+impl Loop {
+    fn compile(
         isa: &OwnedTargetIsa,
         program: &Program,
         function: &Function,
-    ) -> Result<Option<RowCode>, Error> {
-        if !has_four_lanes() {
-            return Ok(None);
-        }
-        let Some(avx::Emitted { code, constants }) = avx::emit_row(function, program) else {
+        form: Form,
+        n_rows: usize,
+    ) -> Result<Option<Loop>, Error> {
+        let Some(avx::Emitted { code, constants }) = avx::emit_rows(function, program, form, n_rows) else {
             return Ok(None);
         };
         let (address, memory) = runnable(isa, function, &code)?;
@@ -416,44 +431,92 @@ impl RowCode {
         // writes the time.
         #[allow(unsafe_code)]
         let entry = unsafe { std::mem::transmute::<*const u8, RowEntry>(address) };
-        Ok(Some(RowCode { entry, constants, sizes: Sizes::of(program, function), _memory: memory }))
+        Ok(Some(Loop { entry, constants, _memory: memory }))
     }
 
-    /// Runs a row; false where it has given up, and the increments are of no account.
+    /// Runs the loop `n` times on increments whose number has been compared; whether it has not given up.
+    #[inline]
+    fn run<L: Wide>(&self, form: Form, reading: &mut Reading<'_, L>, n: usize, increments: &mut [L]) -> bool {
+        form.starts().all(|lane| {
+            let at = |vector: *const L| vector.cast::<f64>().wrapping_add(lane);
+            let at_mut = |vector: *mut L| vector.cast::<f64>().wrapping_add(lane);
+            let given_up = (self.entry)(
+                at(reading.start.0.as_ptr()),
+                at_mut(increments.as_mut_ptr()),
+                at(reading.prepared.as_ptr()),
+                self.constants.as_ptr().cast(),
+                at(reading.params.as_ptr()),
+                at_mut(reading.times.as_mut_ptr()),
+                at(reading.start.1.as_ptr()),
+                n,
+            );
+            given_up == 0
+        })
+    }
+}
+
+impl RowsCode {
+    /// Compiles rows around a function of a verified program for registers that the processor has, unless
+    /// [`avx::emit_rows`] has none.
+    pub(crate) fn compile(
+        isa: &OwnedTargetIsa,
+        program: &Program,
+        function: &Function,
+        form: Form,
+    ) -> Result<Option<RowsCode>, Error> {
+        let Some(one) = Loop::compile(isa, program, function, form, 1)? else { return Ok(None) };
+        let two = Loop::compile(isa, program, function, form, 2)?;
+        Ok(Some(RowsCode { one, two, sizes: Sizes::of(program, function), form }))
+    }
+
+    /// Runs rows, the longest first; false where one has given up, and the increments are of no account.
     ///
     /// # Panics
-    /// When a size is wrong, or the row has no substeps.
+    /// When a size is wrong, or the code is for other lanes.
     #[inline]
-    pub(crate) fn run(
+    pub(crate) fn run<L: Wide>(
         &self,
-        (params, prepared): (&[F64x4], &[F64x4]),
-        (t, eta): (F64x4, F64x4),
-        half: usize,
-        start: &[F64x4],
-        increments: &mut [F64x4],
+        (params, prepared): (&[L], &[L]),
+        (t, h): (L, L),
+        (start, slope): (&[L], &[L]),
+        increments: &mut [L],
     ) -> bool {
-        let Sizes { params: n_params, prepared: n_prepared, state, argument: _, out, scalars: _ } =
+        let Sizes { params: n_params, prepared: n_prepared, state: n, argument: _, out, scalars: _ } =
             self.sizes;
         assert!(
             n_params == params.len()
                 && n_prepared == prepared.len()
-                && state == start.len()
-                && 2 * out == increments.len()
-                && half > 0,
-            "numbers of components"
+                && n == start.len()
+                && n == slope.len()
+                && n == out
+                && n > 0
+                && increments.len().is_multiple_of(2 * n)
+                && self.form.lanes == L::WIDTH,
+            "numbers of components, or of lanes"
         );
-        // The code moves the time on.
-        let (mut time, sizes) = (t, [eta, eta + eta]);
-        let given_up = (self.entry)(
-            start.as_ptr().cast(),
-            increments.as_mut_ptr().cast(),
-            prepared.as_ptr().cast(),
-            self.constants.as_ptr().cast(),
-            params.as_ptr().cast(),
-            (&raw mut time).cast(),
-            sizes.as_ptr().cast(),
-            half,
-        );
-        given_up == 0
+        let mut reading =
+            Reading { params, prepared, start: (start, slope), times: [L::ZERO; 3 * avx::MOST_ROWS] };
+        let mut left = increments.len() / (2 * n);
+        let mut rest = increments;
+        while left > 0 {
+            let (code, n_rows) = match &self.two {
+                Some(two) if left > 1 => (two, 2),
+                _ => (&self.one, 1),
+            };
+            let (rows, others) = rest.split_at_mut(2 * n * n_rows);
+            rest = others;
+            for row in 0..n_rows {
+                let eta = h * L::from_f64(1.0 / (2 * (left - row)) as f64);
+                let size = avx::size_of_row(row);
+                (reading.times[row], reading.times[size], reading.times[size + 1]) =
+                    (t + eta, eta, eta + eta);
+            }
+            left -= n_rows;
+            // As many as the shorter row has pairs of substeps.
+            if !code.run(self.form, &mut reading, left + 1, rows) {
+                return false;
+            }
+        }
+        true
     }
 }

@@ -3,8 +3,8 @@
 //! A program that `hamel-codegen` lowered runs operation by operation in its interpreter, at the speed of the processor
 //! once it has been emitted as Rust and compiled. This crate is the third way: machine code of the very same operations
 //! in the same order, with the runtime's own sine and cosine, there in milliseconds. Results have the bits of the
-//! interpreter. Cranelift has registers of two numbers; four lanes are one register where the processor has AVX2, by
-//! code that this crate writes itself.
+//! interpreter. Cranelift has registers of two numbers; four lanes are one register where the processor has AVX2, and
+//! eight where it has AVX-512, by code that this crate writes itself.
 //!
 //! ```
 //! use hamel_program::program::{Point, Role, Run as _};
@@ -37,7 +37,9 @@ mod avx;
 mod calls;
 mod code;
 mod error;
+mod instructions;
 mod kernel;
+mod lanes;
 mod sums;
 mod translate;
 
@@ -46,12 +48,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use cranelift_codegen::isa::OwnedTargetIsa;
 use hamel_program::program::{Point, Program, Run, ViolatedCondition, verify_rules};
-use hamel_runtime::{F64x4, Real};
+use hamel_runtime::Real;
 
 pub use error::Error;
+pub use lanes::{Registers, Wide};
 pub use sums::{Slopes, WideSums};
 
-use code::{Code, RowCode, Vectors, WideCode};
+use code::{Code, RowsCode, Vectors, WideCode};
+use lanes::{Form, LANES, place_of};
 use translate::Width;
 
 /// A program whose functions are compiled when they are first called.
@@ -60,12 +64,14 @@ use translate::Width;
 pub struct Compiled {
     program: Program,
     isa: OwnedTargetIsa,
-    /// For each function: on one number, on two side by side.
-    functions: Vec<[OnceLock<Result<Code, Error>>; 2]>,
-    /// For each function: on four numbers side by side, where the processor has registers for them.
-    wide: Vec<OnceLock<Option<WideCode>>>,
+    /// The widest registers that code is for.
+    registers: Registers,
+    /// For each function: on one number, on two side by side of [`LANES`].
+    functions: Vec<[OnceLock<Result<Code, Error>>; 3]>,
+    /// For each function: on [`LANES`] side by side, where the processor has registers for them.
+    wide: Vec<[OnceLock<Option<WideCode>>; 2]>,
     /// For each function: rows of the midpoint rule around it, likewise.
-    rows: Vec<OnceLock<Option<RowCode>>>,
+    rows: Vec<[OnceLock<Option<RowsCode>>; 2]>,
     preparation: Preparation,
 }
 
@@ -94,11 +100,29 @@ impl Compiled {
     /// [`Error::Program`] when the program breaks a rule of programs, [`Error::UnknownMachine`].
     pub fn new(program: &Program) -> Result<Compiled, Error> {
         verify_rules(program).map_err(|broken| Error::Program { reason: broken.to_string() })?;
-        let functions = program.functions.iter().map(|_| Default::default()).collect();
-        let wide = program.functions.iter().map(|_| OnceLock::new()).collect();
-        let rows = program.functions.iter().map(|_| OnceLock::new()).collect();
-        let preparation = Preparation::default();
-        Ok(Compiled { program: program.clone(), isa: code::host()?, functions, wide, rows, preparation })
+        let n = program.functions.len();
+        Ok(Compiled {
+            program: program.clone(),
+            isa: code::host()?,
+            registers: Registers::of_host(),
+            functions: (0..n).map(|_| Default::default()).collect(),
+            wide: (0..n).map(|_| Default::default()).collect(),
+            rows: (0..n).map(|_| Default::default()).collect(),
+            preparation: Preparation::default(),
+        })
+    }
+
+    /// The same with code for these registers at most: with the same bits, to compare.
+    #[must_use]
+    pub fn with_registers_up_to(self, most: Registers) -> Compiled {
+        let registers = self.registers.min(most);
+        let [wide, rows] = [(); 2].map(|()| self.program.functions.len());
+        Compiled {
+            registers,
+            wide: (0..wide).map(|_| Default::default()).collect(),
+            rows: (0..rows).map(|_| Default::default()).collect(),
+            ..self
+        }
     }
 
     /// Writes what [`Program::prepare`] returns, by machine code from the hundredth time on.
@@ -116,7 +140,10 @@ impl Compiled {
             n_runs.fetch_add(1, Ordering::Relaxed);
             return interpret(prepared);
         }
-        let compile = || Compiled::new(&self.program.preparation()).ok().map(Box::new);
+        let compile = || {
+            let compiled = Compiled::new(&self.program.preparation()).ok()?;
+            Some(Box::new(compiled.with_registers_up_to(self.registers)))
+        };
         match compiled.get_or_init(compile) {
             Some(compiled) => self.program.prepare_by(&**compiled, params, prepared),
             None => interpret(prepared),
@@ -128,80 +155,86 @@ impl Compiled {
     /// # Errors
     /// Of the first function that Cranelift refuses.
     pub fn compile(&self, on_lanes: bool) -> Result<(), Error> {
-        let widths = if on_lanes { [Width::One, Width::Pair].as_slice() } else { &[Width::One] };
+        let widths = [Width::One, Width::PairOf(LANES[0]), Width::PairOf(LANES[1])];
+        let widths = if on_lanes { &widths[..] } else { &widths[..1] };
         (0..self.functions.len()).try_for_each(|k| widths.iter().try_for_each(|w| self.code(k, *w).map(drop)))
     }
 
-    /// Whether a function runs on four lanes at once here, rather than on two and two.
+    /// Whether a function runs on all lanes at once here, or in registers of four, rather than on two and two.
     ///
     /// # Panics
     /// When the function does not exist.
-    pub fn is_wide(&self, function_idx: usize) -> bool {
-        self.wide_code(function_idx).is_some()
+    pub fn is_wide<L: Wide>(&self, function_idx: usize) -> bool {
+        self.wide_code(function_idx, L::WIDTH).is_some()
     }
 
     fn code(&self, function_idx: usize, width: Width) -> Result<&Code, Error> {
         let compile =
             || Code::compile(&self.isa, &self.program, &self.program.functions[function_idx], width);
-        let code = &self.functions[function_idx][width as usize];
+        let code = &self.functions[function_idx][width.place()];
         code.get_or_init(compile).as_ref().map_err(Error::clone)
     }
 
-    /// The code on four lanes, where there is some.
+    /// The code on so many lanes, where there is some.
     #[cold]
-    fn wide_code(&self, function_idx: usize) -> Option<&WideCode> {
+    fn wide_code(&self, function_idx: usize, lanes: usize) -> Option<&WideCode> {
         let function = &self.program.functions[function_idx];
-        let compile = || WideCode::compile(&self.isa, &self.program, function).ok().flatten();
-        self.wide[function_idx].get_or_init(compile).as_ref()
+        let compile = || {
+            let form = Form::of(lanes, self.registers)?;
+            WideCode::compile(&self.isa, &self.program, function, form).ok().flatten()
+        };
+        self.wide[function_idx][place_of(lanes)].get_or_init(compile).as_ref()
     }
 
-    /// Runs a row of `2 half` substeps of the midpoint rule around a right-hand side, from its first increment
-    /// `d_1 = eta f(t - eta, y)` on, with the bits of its substeps by [`Run::run_at`]:
+    /// Runs rows of `2 m, .., 4, 2` substeps of the midpoint rule around a right-hand side over a step `h`, with the
+    /// bits of their substeps by [`Run::run_at`], for each row with `eta = h/(2 j)`:
     ///
     /// ```text
-    /// d_(i+1) = d_(i-1) + 2 eta f(t + (i - 1) eta, y + d_i),    i = 1, .., 2 half - 1
+    /// d_1 = eta f(t, y),    d_(i+1) = d_(i-1) + 2 eta f(t + i eta, y + d_i),    i = 1, .., 2 j - 1
     /// ```
     ///
     /// False, and increments of no account, where there is no such code for this function or this processor, and where
     /// an angle is too large for it.
     ///
     /// # Shapes
-    /// start: `y`, \[n\]; increments: \[2 n\], zero before and `d_(2 half)` after it; behind it `d_1` and
-    /// `d_(2 half - 1)`.
+    /// start: `y` and `f(t, y)`, \[n\] each; increments: \[m\]\[2\]\[n\], afterwards `d_(2 j)` and `d_(2 j - 1)`, the
+    /// row of the most substeps first.
     ///
     /// # Panics
-    /// When the function does not exist, a size is wrong, or there are no substeps.
+    /// When the function does not exist, or a size is wrong.
     ///
     /// # Source
     /// Gragg 1965; Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I (1993), section II.9.
-    pub fn run_row(
+    pub fn run_rows<L: Wide>(
         &self,
         function_idx: usize,
-        values: (&[F64x4], &[F64x4]),
-        times: (F64x4, F64x4),
-        half: usize,
-        start: &[F64x4],
-        increments: &mut [F64x4],
+        values: (&[L], &[L]),
+        times: (L, L),
+        start: (&[L], &[L]),
+        increments: &mut [L],
     ) -> bool {
-        let function = &self.program.functions[function_idx];
-        let compile = || RowCode::compile(&self.isa, &self.program, function).ok().flatten();
-        let code = self.rows[function_idx].get_or_init(compile);
-        code.as_ref().is_some_and(|code| code.run(values, times, half, start, increments))
+        let code = self.rows[function_idx][place_of(L::WIDTH)].get_or_init(|| {
+            let form = Form::of(L::WIDTH, self.registers)?;
+            RowsCode::compile(&self.isa, &self.program, &self.program.functions[function_idx], form)
+                .ok()
+                .flatten()
+        });
+        code.as_ref().is_some_and(|code| code.run(values, times, start, increments))
     }
 
-    /// Calls a function on four lanes at once; whether it has answered.
+    /// Calls a function on all lanes; whether it has answered.
     #[inline]
-    fn call_wide(
+    fn call_wide<L: Wide>(
         &self,
         function_idx: usize,
-        params: &[F64x4],
-        prepared: &[F64x4],
-        point: &Point<'_, F64x4>,
-        out: &mut [F64x4],
+        params: &[L],
+        prepared: &[L],
+        point: &Point<'_, L>,
+        out: &mut [L],
     ) -> bool {
-        let code = match self.wide[function_idx].get() {
+        let code = match self.wide[function_idx][place_of(L::WIDTH)].get() {
             Some(code) => code.as_ref(),
-            None => self.wide_code(function_idx),
+            None => self.wide_code(function_idx, L::WIDTH),
         };
         match code {
             None => false,
@@ -214,17 +247,17 @@ impl Compiled {
 
     /// The same for a function with tables, which take longer than to make room for their factors.
     #[inline(never)]
-    fn call_with_tables(
+    fn call_with_tables<L: Wide>(
         &self,
         code: &WideCode,
         function_idx: usize,
-        params: &[F64x4],
-        prepared: &[F64x4],
-        point: &Point<'_, F64x4>,
-        out: &mut [F64x4],
+        params: &[L],
+        prepared: &[L],
+        point: &Point<'_, L>,
+        out: &mut [L],
     ) -> bool {
         let function = &self.program.functions[function_idx];
-        let mut scalars = vec![F64x4::ZERO; function.scalars.len()];
+        let mut scalars = vec![L::ZERO; function.scalars.len()];
         let has_answered = code.call(params, prepared, point, (out, &mut scalars));
         if has_answered {
             self.program.run_tables(function, *point, &scalars, out);
@@ -232,17 +265,17 @@ impl Compiled {
         has_answered
     }
 
-    /// Calls a function on four lanes, two and two.
+    /// Calls a function on lanes, two and two.
     #[inline(never)]
-    fn call_pairs(
+    fn call_pairs<L: Wide>(
         &self,
         function_idx: usize,
-        params: &[F64x4],
-        prepared: &[F64x4],
-        point: Point<'_, F64x4>,
-        out: &mut [F64x4],
+        params: &[L],
+        prepared: &[L],
+        point: Point<'_, L>,
+        out: &mut [L],
     ) {
-        self.call(function_idx, Width::Pair, params, prepared, point, out, Code::call_on_lanes);
+        self.call(function_idx, Width::PairOf(L::WIDTH), params, prepared, point, out, Code::call_on_lanes);
     }
 
     #[inline]
@@ -256,7 +289,7 @@ impl Compiled {
         out: &mut [R],
         call: impl FnOnce(&Code, &mut Vectors<'_, R>),
     ) {
-        let code = match self.functions[function_idx][width as usize].get() {
+        let code = match self.functions[function_idx][width.place()].get() {
             Some(code) => code.as_ref().ok(),
             None => self.code(function_idx, width).ok(),
         };
@@ -300,29 +333,22 @@ impl Run<f64> for Compiled {
     }
 }
 
-/// Four lanes, each of which has the bits of the same call on its numbers.
-impl Run<F64x4> for Compiled {
+/// Lanes, each of which has the bits of the same call on its numbers.
+impl<L: Wide> Run<L> for Compiled {
     fn program(&self) -> &Program {
         &self.program
     }
 
-    fn prepare(&self, params: &[F64x4]) -> Result<Vec<F64x4>, ViolatedCondition> {
+    fn prepare(&self, params: &[L]) -> Result<Vec<L>, ViolatedCondition> {
         let mut prepared = Vec::new();
         self.prepared(params, &mut prepared).map(|()| prepared)
     }
 
-    fn prepare_into(&self, params: &[F64x4], prepared: &mut Vec<F64x4>) -> Result<(), ViolatedCondition> {
+    fn prepare_into(&self, params: &[L], prepared: &mut Vec<L>) -> Result<(), ViolatedCondition> {
         self.prepared(params, prepared)
     }
 
-    fn run_at(
-        &self,
-        function_idx: usize,
-        params: &[F64x4],
-        prepared: &[F64x4],
-        point: Point<'_, F64x4>,
-        out: &mut [F64x4],
-    ) {
+    fn run_at(&self, function_idx: usize, params: &[L], prepared: &[L], point: Point<'_, L>, out: &mut [L]) {
         if !self.call_wide(function_idx, params, prepared, &point, out) {
             self.call_pairs(function_idx, params, prepared, point, out);
         }

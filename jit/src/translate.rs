@@ -15,31 +15,37 @@ use hamel_runtime::math::kernel::{BOUND, FUSED};
 
 use crate::calls::Call;
 use crate::kernel::{Step, kernel};
+use crate::lanes::place_of;
 
 /// How many numbers an operand is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Width {
     /// One number; numbers of a vector follow one another.
     One,
-    /// Two lanes of [`LANES`]; those of the next number of a vector are as many further.
-    Pair,
+    /// Two lanes of so many: the next number of a vector is as many further.
+    PairOf(usize),
 }
 
-/// Lanes of a vector of lanes.
-pub(crate) const LANES: usize = 4;
-
 impl Width {
+    /// Where the code of this width is among the code of a function.
+    pub(crate) fn place(self) -> usize {
+        match self {
+            Width::One => 0,
+            Width::PairOf(lanes) => 1 + place_of(lanes),
+        }
+    }
+
     fn number(self) -> Type {
         match self {
             Width::One => types::F64,
-            Width::Pair => types::F64X2,
+            Width::PairOf(_) => types::F64X2,
         }
     }
 
     fn bits(self) -> Type {
         match self {
             Width::One => types::I64,
-            Width::Pair => types::I64X2,
+            Width::PairOf(_) => types::I64X2,
         }
     }
 
@@ -47,13 +53,13 @@ impl Width {
     fn stride(self) -> usize {
         match self {
             Width::One => size_of::<f64>(),
-            Width::Pair => LANES * size_of::<f64>(),
+            Width::PairOf(lanes) => lanes * size_of::<f64>(),
         }
     }
 }
 
 /// Pointers that a compiled function takes, in order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Pointer {
     State,
     Out,
@@ -68,7 +74,7 @@ pub(crate) enum Pointer {
 /// Number of pointers.
 pub(crate) const N_POINTERS: usize = 8;
 
-/// The constants of a function, each as often as [`Width::Pair`] needs, which [`Width::One`] reads as well.
+/// The constants of a function, each as often as [`Width::PairOf`] needs, which [`Width::One`] reads as well.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
 pub(crate) struct Twice(#[expect(dead_code, reason = "compiled code reads it")] [f64; 2]);
@@ -339,7 +345,7 @@ impl<'b, I: Imports> Writer<'_, 'b, I> {
         let mask = self.ins().iconst(types::I64, !0x7ff_ffff);
         let mask = match self.width {
             Width::One => mask,
-            Width::Pair => self.ins().splat(bits, mask),
+            Width::PairOf(_) => self.ins().splat(bits, mask),
         };
         let x = self.ins().bitcast(bits, flags, x);
         let upper = self.ins().band(x, mask);
@@ -376,7 +382,7 @@ impl<'b, I: Imports> Writer<'_, 'b, I> {
         };
         match self.width {
             Width::One => one(&mut self.builder, arguments),
-            Width::Pair => {
+            Width::PairOf(_) => {
                 let lanes = [0, 1].map(|lane| {
                     let own: Vec<Value> =
                         arguments.iter().map(|a| self.ins().extractlane(*a, lane)).collect();
@@ -401,7 +407,7 @@ impl<'b, I: Imports> Writer<'_, 'b, I> {
         }
         let other = match self.width {
             Width::One => self.next_angle(instructions, k, angle),
-            Width::Pair => None,
+            Width::PairOf(_) => None,
         };
         let x = self.read(angle);
         let Some(other) = other else {
@@ -411,7 +417,7 @@ impl<'b, I: Imports> Writer<'_, 'b, I> {
         };
         let y = self.read(other);
         let both = self.side_by_side([x, y]);
-        let (sines, cosines) = self.guarded(Width::Pair, both);
+        let (sines, cosines) = self.guarded(Width::PairOf(2), both);
         let mut lane = |pair, lane| self.ins().extractlane(pair, lane);
         let (first, second) = ((lane(sines, 0), lane(cosines, 0)), (lane(sines, 1), lane(cosines, 1)));
         self.pairs.insert(angle, first);
@@ -442,7 +448,7 @@ impl<'b, I: Imports> Writer<'_, 'b, I> {
         let beyond = self.ins().fcmp(FloatCC::GreaterThan, size, bound);
         let is_large = match width {
             Width::One => beyond,
-            Width::Pair => self.ins().vany_true(beyond),
+            Width::PairOf(_) => self.ins().vany_true(beyond),
         };
         self.ins().brif(is_large, large, &[], small, &[]);
 
@@ -507,7 +513,7 @@ impl<'b, I: Imports> Writer<'_, 'b, I> {
         let is_odd = match width {
             Width::One => self.ins().sshr_imm(lowest, 63),
             // No shift of two signed numbers of 64 bits before AVX-512.
-            Width::Pair => {
+            Width::PairOf(_) => {
                 let one = self.ins().ushr_imm(lowest, 63);
                 self.ins().ineg(one)
             }
@@ -518,7 +524,7 @@ impl<'b, I: Imports> Writer<'_, 'b, I> {
         let turns = match (more, width) {
             (0, _) => turns,
             (_, Width::One) => self.ins().iadd_imm(turns, more),
-            (_, Width::Pair) => {
+            (_, Width::PairOf(_)) => {
                 let more = self.ins().iconst(types::I64, more);
                 let more = self.ins().splat(bits, more);
                 self.ins().iadd(turns, more)

@@ -3,8 +3,10 @@ use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
 use hamel_jit::{Compiled, Error};
 use hamel_program::lower::SearchBudget;
-use hamel_program::program::{Instruction, Op, Operand, Point, Run};
-use hamel_runtime::F64x4;
+use hamel_program::program::{Instruction, Op, Operand, Point, Program, Run};
+use hamel_runtime::{F64x4, F64x8};
+
+use crate::{Lanes, registers, splat};
 
 /// The default scene, with tables from a number of products on.
 fn built(text: &str, products: usize) -> BuiltScene {
@@ -45,7 +47,15 @@ fn every_operation_has_the_bits_of_the_interpreter_on_numbers_and_on_lanes() {
     let program = &program;
     let is_power = |op: &Op| matches!(op, Op::Power(..));
     assert!(program.functions.iter().flat_map(|f| &f.instructions).any(|i| is_power(&i.op)), "a power");
-    let compiled = Compiled::new(program).unwrap();
+    for most in registers() {
+        let compiled = Compiled::new(program).unwrap().with_registers_up_to(most);
+        compare::<F64x4>(&compiled, program);
+        compare::<F64x8>(&compiled, program);
+    }
+}
+
+/// Every function at special numbers, on lanes and on numbers.
+fn compare<L: Lanes>(compiled: &Compiled, program: &Program) {
     let params = [1.5];
     let prepared = program.prepare(&params).unwrap();
     let special = [0.0, -0.0, 0.7, -2.9, 35.0, 1e-310, 411_774.5, -3e17, f64::INFINITY, f64::NAN];
@@ -54,19 +64,18 @@ fn every_operation_has_the_bits_of_the_interpreter_on_numbers_and_on_lanes() {
         for round in 0..special.len() * 7 {
             let number =
                 |place: usize, lane: usize| special[(round * (place + 1) + 3 * lane + place) % special.len()];
-            let lanes = |place: usize| F64x4::new(std::array::from_fn(|lane| number(place, lane)));
-            let state: Vec<F64x4> = (0..program.state.len()).map(|i| lanes(i + 1)).collect();
+            let lanes = |place: usize| L::of(|lane| number(place, lane));
+            let state: Vec<L> = (0..program.state.len()).map(|i| lanes(i + 1)).collect();
             let point = Point { t: lanes(0), state: &state, argument: &[] };
-            let mut on_lanes = vec![F64x4::splat(0.0); function.results.len()];
-            let splat = |values: &[f64]| values.iter().copied().map(F64x4::splat).collect::<Vec<_>>();
-            compiled.run_at(k, &splat(&params), &splat(&prepared), point, &mut on_lanes);
-            for lane in 0..F64x4::LANES {
+            let mut on_lanes = vec![L::ZERO; function.results.len()];
+            Run::<L>::run_at(compiled, k, &splat(&params), &splat(&prepared), point, &mut on_lanes);
+            for lane in 0..L::WIDTH {
                 let state: Vec<f64> = state.iter().map(|x| x.lane(lane)).collect();
                 let point = Point { t: number(0, lane), state: &state, argument: &[] };
                 let (mut interpreted, mut own) =
                     (vec![0.0; function.results.len()], vec![0.0; function.results.len()]);
                 program.run_at(k, &params, &prepared, point, &mut interpreted);
-                Run::run_at(&compiled, k, &params, &prepared, point, &mut own);
+                Run::<f64>::run_at(compiled, k, &params, &prepared, point, &mut own);
                 for (at, expected) in interpreted.iter().enumerate() {
                     let name = &function.results[at].0;
                     assert_eq!(
@@ -110,7 +119,7 @@ fn functions_that_run_through_tables_are_compiled_up_to_the_tables() {
         let (mut interpreted, mut own) =
             (vec![0.0; function.results.len()], vec![0.0; function.results.len()]);
         program.run_at(k, &[], &prepared, point, &mut interpreted);
-        Run::run_at(&compiled, k, &[], &prepared, point, &mut own);
+        Run::<f64>::run_at(&compiled, k, &[], &prepared, point, &mut own);
         assert_eq!(own, interpreted, "{}", function.role);
     }
 }
@@ -129,7 +138,7 @@ fn vectors_of_other_sizes_are_refused() {
     let compiled = Compiled::new(scene.program()).unwrap();
     let prepared = scene.program().prepare(&[1.5]).unwrap();
     let point = Point { t: 0.0, state: &[0.1; 3], argument: &[] };
-    Run::run_at(&compiled, 0, &[1.5], &prepared, point, &mut [0.0; 4]);
+    Run::<f64>::run_at(&compiled, 0, &[1.5], &prepared, point, &mut [0.0; 4]);
 }
 
 /// The prepare part is compiled for many sets of parameters: with the same bits, and with the same refusals.
@@ -160,21 +169,27 @@ fn prepared_numbers_have_the_bits_of_the_interpreter_on_numbers_and_on_lanes() {
         refused += usize::from(expected.is_err());
         differing += usize::from(expected.as_ref().is_ok_and(|values| *values != before));
         before = expected.unwrap_or_default();
-        let on_lanes = |lane: f64| F64x4::new([params[0], params[0] + lane, 1.0, 2.0 + lane]);
-        let lanes = [on_lanes(0.25), F64x4::splat(params[1])];
-        let found = Run::<F64x4>::prepare(&compiled, &lanes);
-        for lane in 0..F64x4::LANES {
-            let expected = program.prepare(&lanes.map(|x| x.lane(lane)));
-            match (&found, expected) {
-                (Ok(found), Ok(expected)) => {
-                    let found: Vec<u64> = found.iter().map(|x| bits(x.lane(lane))).collect();
-                    assert_eq!(found, as_bits(&expected), "{params:?}, lane {lane}");
-                }
-                // One lane that is refused refuses all.
-                (Err(_), _) => {}
-                (Ok(_), Err(refused)) => panic!("{params:?}, lane {lane}: {refused}"),
-            }
-        }
+        prepared_on_lanes::<F64x4>(&compiled, program, params);
+        prepared_on_lanes::<F64x8>(&compiled, program, params);
     }
     assert!(refused > 5 && differing > 300, "{refused} refused, {differing} different");
+}
+
+fn prepared_on_lanes<L: Lanes>(compiled: &Compiled, program: &Program, params: [f64; 2]) {
+    let first = [params[0], params[0] + 0.25, 1.0, 2.25, params[0], 0.5, params[0] + 1.0, 3.0];
+    let lanes = [L::of(|lane| first[lane]), L::from_f64(params[1])];
+    let found = Run::<L>::prepare(compiled, &lanes);
+    for lane in 0..L::WIDTH {
+        let expected = program.prepare(&lanes.map(|x| x.lane(lane)));
+        match (&found, expected) {
+            (Ok(found), Ok(expected)) => {
+                let found: Vec<u64> = found.iter().map(|x| bits(x.lane(lane))).collect();
+                let expected: Vec<u64> = expected.into_iter().map(bits).collect();
+                assert_eq!(found, expected, "{params:?}, lane {lane}");
+            }
+            // One lane that is refused refuses all.
+            (Err(_), _) => {}
+            (Ok(_), Err(refused)) => panic!("{params:?}, lane {lane}: {refused}"),
+        }
+    }
 }

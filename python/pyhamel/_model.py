@@ -730,7 +730,7 @@ class Model:
         max_step: float | None = None,
         samples: int = 1,
         max_steps: int | None = None,
-        lanes: int = 4,
+        lanes: int = 8,
         threads: int | None = None,
         inputs: Mapping[str, ArrayLike] | None = None,
         noise_seed: int = 0,
@@ -759,7 +759,7 @@ class Model:
         max_step: float | None = None,
         samples: int = 1,
         max_steps: int | None = None,
-        lanes: int = 4,
+        lanes: int = 8,
         threads: int | None = None,
         inputs: Mapping[str, ArrayLike] | None = None,
         noise_seed: int = 0,
@@ -787,7 +787,7 @@ class Model:
         max_step: float | None = None,
         samples: int = 1,
         max_steps: int | None = None,
-        lanes: int = 4,
+        lanes: int = 8,
         threads: int | None = None,
         inputs: Mapping[str, ArrayLike] | None = None,
         noise_seed: int = 0,
@@ -801,7 +801,7 @@ class Model:
         quantiles: Sequence[float] = (0.05, 0.25, 0.5, 0.75, 0.95),
         bins: int = 50,
     ) -> Ensemble | str:
-        """Many motions to the time ``t``, on all cores, four side by side in the registers of each.
+        """Many motions to the time ``t``, on all cores, eight side by side in the registers of each.
 
         ``y0`` is an array ``(N, n)`` of complete states, or components by name; ``params`` parameters by name. Each of
         them is a number for all trajectories, or ``N`` numbers. Results depend on neither ``threads`` nor the machine.

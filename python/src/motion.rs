@@ -136,7 +136,7 @@ impl Options {
     /// How all trajectories of an ensemble are integrated.
     ///
     /// # Errors
-    /// As [`steps`](Self::steps), and for another number of lanes than 1 and 4.
+    /// As [`steps`](Self::steps), and for another number of lanes than 1, 4 and 8.
     fn many(
         &self,
         info: &Info,
@@ -147,11 +147,8 @@ impl Options {
     ) -> Result<many::Asked, Error> {
         let (method, steps) = self.steps(info, MethodName::default())?;
         let noise = self.noise(info)?;
-        let width = match lanes {
-            1 => Width::One,
-            4 => Width::Four,
-            _ => return Err(Error::unusable("lanes", format!("is {lanes}, but has to be 1 or 4"))),
-        };
+        let width = Width::of_lanes(lanes)
+            .ok_or_else(|| Error::unusable("lanes", format!("is {lanes}, but has to be 1, 4 or 8")))?;
         Ok(many::Asked { t_final, samples, method, steps, noise, max_steps: self.max_steps, width, threads })
     }
 }

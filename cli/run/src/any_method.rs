@@ -5,10 +5,10 @@
 use std::marker::PhantomData;
 
 use hamel_runtime::{
-    Error, F64x4, Method, OfPositions, Options, Point, Projected, Real, Start, Step, System, Tableau,
+    Error, F64x4, F64x8, Method, OfPositions, Options, Point, Projected, Real, Start, Step, System, Tableau,
 };
 
-use super::dynamics::{PreparedLanes, PreparedScene, VecState};
+use super::dynamics::{PreparedLanes, PreparedScene, Several, VecState};
 
 /// Most invariants that are projected onto.
 pub(crate) const MAX_INVARIANTS: usize = 64;
@@ -248,13 +248,16 @@ impl<'a, R: Real + 'a, S: System<R> + 'a, C: Choice<'a, R, S>> Method<R, S> for 
 pub(crate) type OfScenes<'a> = &'a dyn Erased<'a, f64, PreparedScene<'a>>;
 
 /// A method of scenes on lanes.
-pub(crate) type OfLanes<'a> = &'a dyn Erased<'a, F64x4, PreparedLanes<'a>>;
+pub(crate) type OfLanes<'a, L = F64x4> = &'a dyn Erased<'a, L, PreparedLanes<'a, L>>;
+
+/// One on four lanes and on eight.
+pub(crate) type OfBoth<'a> = (OfLanes<'a>, OfLanes<'a, F64x8>);
 
 /// A method that integrates scenes, projected or not, and perhaps lanes of them.
 #[derive(Clone, Copy)]
 pub(crate) struct AnyMethod<'a> {
     method: OfScenes<'a>,
-    lanes: Option<OfLanes<'a>>,
+    lanes: Option<OfBoth<'a>>,
     onto: Onto,
 }
 
@@ -276,7 +279,7 @@ impl<'a> AnyMethod<'a> {
     }
 
     /// The same beside a method that integrates trajectories side by side.
-    pub(crate) fn with_lanes(self, lanes: OfLanes<'a>) -> Self {
+    pub(crate) fn with_lanes(self, lanes: OfBoth<'a>) -> Self {
         AnyMethod { lanes: Some(lanes), ..self }
     }
 
@@ -301,9 +304,14 @@ impl<'a> AnyMethod<'a> {
         Chosen::new(self)
     }
 
-    /// For trajectories side by side, if the method has lanes.
+    /// For four trajectories side by side, if the method has lanes.
     pub(crate) fn of_lanes(self) -> Option<Chosen<'a, SideBySide<'a>>> {
-        Some(Chosen::new(SideBySide(self.method, self.lanes?)))
+        self.lanes.map(|(four, _)| SideBySide::chosen(self.method, four))
+    }
+
+    /// The same for eight.
+    pub(crate) fn of_eight_lanes(self) -> Option<Chosen<'a, SideBySide<'a, F64x8>>> {
+        self.lanes.map(|(_, eight)| SideBySide::chosen(self.method, eight))
     }
 }
 
@@ -333,16 +341,23 @@ impl<'a> Choice<'a, f64, PreparedScene<'a>> for AnyMethod<'a> {
 
 /// A method for one trajectory and for several side by side.
 #[derive(Clone, Copy)]
-pub(crate) struct SideBySide<'a>(OfScenes<'a>, OfLanes<'a>);
+pub(crate) struct SideBySide<'a, L: Several = F64x4>(OfScenes<'a>, OfLanes<'a, L>);
 
-impl<'a> Choice<'a, f64, PreparedScene<'a>> for SideBySide<'a> {
+impl<'a, L: Several> SideBySide<'a, L> {
+    /// As a method.
+    pub(crate) fn chosen(single: OfScenes<'a>, lanes: OfLanes<'a, L>) -> Chosen<'a, Self> {
+        Chosen::new(SideBySide(single, lanes))
+    }
+}
+
+impl<'a, L: Several> Choice<'a, f64, PreparedScene<'a>> for SideBySide<'a, L> {
     fn method(self) -> OfScenes<'a> {
         self.0
     }
 }
 
-impl<'a> Choice<'a, F64x4, PreparedLanes<'a>> for SideBySide<'a> {
-    fn method(self) -> OfLanes<'a> {
+impl<'a, L: Several + 'a> Choice<'a, L, PreparedLanes<'a, L>> for SideBySide<'a, L> {
+    fn method(self) -> OfLanes<'a, L> {
         self.1
     }
 }

@@ -1,4 +1,4 @@
-//! What evaluates a scene with prepared parameters, its inputs held or driven; machine code of a scene on four lanes.
+//! What evaluates a scene with prepared parameters, its inputs held or driven; machine code of a scene on lanes.
 //!
 //! Does not know: where a scene comes from, what else it can be asked for.
 
@@ -8,7 +8,7 @@ use hamel_codegen::scene::Interpreter;
 use hamel_program::program::{Point, Run as _, ViolatedCondition};
 use hamel_runtime::{Dual, F64x4, Failure, Pivot, Real};
 
-use super::dynamics::{BadParams, DualDynamics, LaneDynamics, VecState};
+use super::dynamics::{BadParams, DualDynamics, LaneDynamics, Several, VecState};
 use super::guards::{check, domain, pivots};
 use super::inputs::Drive;
 use super::machine::Compiled;
@@ -69,16 +69,16 @@ impl DualDynamics for Driving<'_, Dual> {
 }
 
 /// The machine code of a scene on lanes.
-pub(super) struct OnLanes<'a> {
-    pub(super) driving: Driving<'a, F64x4>,
+pub(super) struct OnLanes<'a, L = F64x4> {
+    pub(super) driving: Driving<'a, L>,
     /// Number of parameters and of the inputs that are held.
     pub(super) n_values: usize,
     /// What evaluates the rates, and which function they are.
     pub(super) rate: (&'a Compiled, usize),
 }
 
-impl LaneDynamics for OnLanes<'_> {
-    fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+impl<L: Several> LaneDynamics<L> for OnLanes<'_, L> {
+    fn rhs(&self, t: L, y: &VecState<L>, dy: &mut VecState<L>) {
         match &self.driving.drive {
             None => {
                 let (compiled, rate) = self.rate;
@@ -90,14 +90,14 @@ impl LaneDynamics for OnLanes<'_> {
         }
     }
 
-    fn run_row(&self, times: (F64x4, F64x4), half: usize, start: &[F64x4], increments: &mut [F64x4]) -> bool {
+    fn run_rows(&self, times: (L, L), start: (&[L], &[L]), increments: &mut [L]) -> bool {
         let (compiled, rate) = self.rate;
         let values = self.driving.interpreter.values_of_functions();
         // What drives inputs is looked up between the substeps.
-        self.driving.drive.is_none() && compiled.run_row(rate, values, times, half, start, increments)
+        self.driving.drive.is_none() && compiled.run_rows(rate, values, times, start, increments)
     }
 
-    fn hold(&mut self, inputs: &[F64x4]) -> bool {
+    fn hold(&mut self, inputs: &[L]) -> bool {
         let interpreter = &mut self.driving.interpreter;
         let is_held = self.n_values == interpreter.n_params() + inputs.len();
         if is_held && !inputs.is_empty() {
@@ -106,15 +106,15 @@ impl LaneDynamics for OnLanes<'_> {
         is_held
     }
 
-    fn energy(&self, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4> {
+    fn energy(&self, t: L, y: &VecState<L>) -> Option<L> {
         self.driving.at(t).energy(t, &y.0)
     }
 
-    fn write_outputs(&self, t: F64x4, y: &VecState<F64x4>, out: &mut Vec<F64x4>) {
+    fn write_outputs(&self, t: L, y: &VecState<L>, out: &mut Vec<L>) {
         self.driving.at(t).write_outputs(t, &y.0, out);
     }
 
-    fn set(&mut self, values: &[F64x4]) -> Option<Result<(), BadParams>> {
+    fn set(&mut self, values: &[L]) -> Option<Result<(), BadParams>> {
         // Inputs that are held, or are not, take part in what drives them.
         if values.len() != self.n_values {
             return None;
@@ -128,19 +128,19 @@ impl LaneDynamics for OnLanes<'_> {
         Some(prepared)
     }
 
-    fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+    fn check(&self, t: L, y: &VecState<L>) -> Result<(), Failure> {
         check(&self.driving.at(t), t, &y.0)
     }
 
-    fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+    fn domain(&self, t: L, y: &VecState<L>) -> Result<(), Failure> {
         domain(&self.driving.at(t), t, &y.0)
     }
 
-    fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
+    fn signature(&self, t: L, y: &VecState<L>) -> L {
         self.driving.at(t).signature(t, &y.0)
     }
 
-    fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
+    fn pivots(&self, t: L, y: &VecState<L>, visit: &mut dyn FnMut(Pivot<L>)) {
         pivots(&self.driving.at(t), t, &y.0, visit);
     }
 }

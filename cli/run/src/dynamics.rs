@@ -2,19 +2,21 @@
 //!
 //! Does not know: where a scene comes from, JSON, how states are integrated.
 
-use std::fmt;
 use std::ops::Deref;
 use std::sync::Arc;
 
+use hamel_ensemble::Lanes;
 use hamel_runtime::{
-    Differentiable, Dual, F64x4, Failure, Invariants, Jet, OverScalar, ParamError, Pivot, Positions, Real,
-    SquareStorage, StateVector, System, Wiener,
+    Differentiable, Dual, F64x4, F64x8, Failure, Invariants, Jet, OverScalar, Pivot, Positions, System,
+    Wiener,
 };
 
 use hamel_codegen::scene::{DiscreteLayout, DiscretePart};
 use hamel_codegen::spec::Want;
 
 use super::info::Info;
+use super::machine::Wide;
+pub use super::state::{BadParams, VecState};
 
 /// A scene with parameter values, ready to be evaluated.
 ///
@@ -188,46 +190,40 @@ pub struct PositionEquations<'a> {
     pub moved: &'a [usize],
 }
 
-/// A scene with parameter values on four lanes, to be integrated; every lane has the bits of [`Dynamics`].
+/// A scene with parameter values on lanes, to be integrated; every lane has the bits of [`Dynamics`].
 ///
 /// # Shapes
 /// As [`Dynamics`].
-pub trait LaneDynamics: Send + Sync {
+pub trait LaneDynamics<L: Several>: Send + Sync {
     /// Writes the derivatives on all lanes.
-    fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>);
+    fn rhs(&self, t: L, y: &VecState<L>, dy: &mut VecState<L>);
 
     /// As [`Dynamics::energy`].
-    fn energy(&self, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4>;
+    fn energy(&self, t: L, y: &VecState<L>) -> Option<L>;
 
-    /// Runs a row of `2 half` substeps `eta` of the midpoint rule from its first increment on, with the bits of the
-    /// same substeps by [`rhs`](Self::rhs); `t` is the time after the first substep. False, and increments of no
-    /// account, where there is no machine code for that.
+    /// Runs rows of `2 m, .., 4, 2` substeps of the midpoint rule over a step `h` from `t` on, with the bits of the
+    /// same substeps by [`rhs`](Self::rhs). False, and increments of no account, where there is no machine code for
+    /// that.
     ///
     /// # Shapes
-    /// start: \[n_state\]; increments: \[2 n_state\], zero before and the last one after it; behind it the first one
-    /// before, and the one before the last after it.
-    fn run_row(
-        &self,
-        (t, eta): (F64x4, F64x4),
-        half: usize,
-        start: &[F64x4],
-        increments: &mut [F64x4],
-    ) -> bool {
-        let _ = (t, eta, half, start, increments);
+    /// start: a state and its derivative, \[n_state\] each; increments: \[m\]\[2\]\[n_state\], afterwards the last one
+    /// of each row and the one before, the row of the most substeps first.
+    fn run_rows(&self, (t, h): (L, L), start: (&[L], &[L]), increments: &mut [L]) -> bool {
+        let _ = (t, h, start, increments);
         false
     }
 
     /// [`Dynamics::outputs`] in the place of what a vector has.
-    fn write_outputs(&self, t: F64x4, y: &VecState<F64x4>, out: &mut Vec<F64x4>);
+    fn write_outputs(&self, t: L, y: &VecState<L>, out: &mut Vec<L>);
 
     /// Fixes other parameters, as [`Factory::prepare_lanes`], without allocation, where that can be.
-    fn set(&mut self, values: &[F64x4]) -> Option<Result<(), BadParams>> {
+    fn set(&mut self, values: &[L]) -> Option<Result<(), BadParams>> {
         let _ = values;
         None
     }
 
     /// As [`Dynamics::hold`], without allocation where that can be.
-    fn hold(&mut self, inputs: &[F64x4]) -> bool {
+    fn hold(&mut self, inputs: &[L]) -> bool {
         let _ = inputs;
         false
     }
@@ -236,19 +232,19 @@ pub trait LaneDynamics: Send + Sync {
     ///
     /// # Errors
     /// As [`System::check`], for any lane.
-    fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure>;
+    fn check(&self, t: L, y: &VecState<L>) -> Result<(), Failure>;
 
     /// As [`System::domain`].
     ///
     /// # Errors
     /// As [`System::domain`], for any lane.
-    fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure>;
+    fn domain(&self, t: L, y: &VecState<L>) -> Result<(), Failure>;
 
     /// As [`System::signature`].
-    fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4;
+    fn signature(&self, t: L, y: &VecState<L>) -> L;
 
     /// As [`System::pivots`].
-    fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>));
+    fn pivots(&self, t: L, y: &VecState<L>, visit: &mut dyn FnMut(Pivot<L>));
 }
 
 /// A scene with parameter values, whoever evaluates it.
@@ -275,8 +271,50 @@ impl<'a> Deref for PreparedScene<'a> {
     }
 }
 
-/// The same on four lanes.
-pub type PreparedLanes<'a> = Box<dyn LaneDynamics + 'a>;
+/// The same on lanes.
+pub type PreparedLanes<'a, L = F64x4> = Box<dyn LaneDynamics<L> + 'a>;
+
+/// A scalar whose lanes are trajectories: [`F64x4`], [`F64x8`].
+pub trait Several: Lanes + Wide + Send + Sync + 'static {
+    /// As [`Factory::prepare_lanes`].
+    ///
+    /// # Errors
+    /// As [`Factory::prepare`], for any lane.
+    fn prepare<'a>(factory: &'a dyn Factory, values: &[Self]) -> Result<PreparedLanes<'a, Self>, BadParams>;
+
+    /// Fixes other parameters of lanes of a scene.
+    ///
+    /// # Errors
+    /// As [`Factory::prepare_lanes`]; the lanes are then to be prepared again before they are used.
+    fn prepare_again<'a>(
+        factory: &'a dyn Factory,
+        lanes: &mut PreparedLanes<'a, Self>,
+        values: &[Self],
+    ) -> Result<(), BadParams> {
+        match lanes.set(values) {
+            Some(set) => set,
+            None => {
+                *lanes = Self::prepare(factory, values)?;
+                Ok(())
+            }
+        }
+    }
+}
+
+impl Several for F64x4 {
+    fn prepare<'a>(factory: &'a dyn Factory, values: &[F64x4]) -> Result<PreparedLanes<'a>, BadParams> {
+        factory.prepare_lanes(values)
+    }
+}
+
+impl Several for F64x8 {
+    fn prepare<'a>(
+        factory: &'a dyn Factory,
+        values: &[F64x8],
+    ) -> Result<PreparedLanes<'a, F64x8>, BadParams> {
+        factory.prepare_eight_lanes(values)
+    }
+}
 
 /// A scene with parameter values over dual numbers: everything that it computes has its derivative along a direction of
 /// parameters and state.
@@ -323,22 +361,12 @@ pub trait Factory: Sync {
         SideBySide::boxed(self, values)
     }
 
-    /// Fixes other parameters of lanes of this scene.
+    /// The same on eight lanes.
     ///
     /// # Errors
-    /// As [`Factory::prepare_lanes`]; the lanes are then to be prepared again before they are used.
-    fn prepare_lanes_again<'a>(
-        &'a self,
-        lanes: &mut PreparedLanes<'a>,
-        values: &[F64x4],
-    ) -> Result<(), BadParams> {
-        match lanes.set(values) {
-            Some(set) => set,
-            None => {
-                *lanes = self.prepare_lanes(values)?;
-                Ok(())
-            }
-        }
+    /// As [`Factory::prepare`], for any lane.
+    fn prepare_eight_lanes(&self, values: &[F64x8]) -> Result<PreparedLanes<'_, F64x8>, BadParams> {
+        SideBySide::boxed(self, values)
     }
 
     /// Fixes the parameters, with their derivatives along a direction.
@@ -365,6 +393,10 @@ impl<F: Factory + ?Sized> Factory for &F {
         (**self).prepare_lanes(values)
     }
 
+    fn prepare_eight_lanes(&self, values: &[F64x8]) -> Result<PreparedLanes<'_, F64x8>, BadParams> {
+        (**self).prepare_eight_lanes(values)
+    }
+
     fn prepare_duals(&self, values: &[Dual]) -> Result<PreparedDuals<'_>, BadParams> {
         (**self).prepare_duals(values)
     }
@@ -375,132 +407,86 @@ pub(super) struct SideBySide<'a>(Vec<PreparedScene<'a>>);
 
 impl<'a> SideBySide<'a> {
     /// Prepares one lane after the other.
-    pub(super) fn boxed<F: Factory + ?Sized>(
+    pub(super) fn boxed<F: Factory + ?Sized, L: Several>(
         factory: &'a F,
-        values: &[F64x4],
-    ) -> Result<PreparedLanes<'a>, BadParams> {
-        let lanes = (0..F64x4::LANES).map(|k| factory.prepare(&lane(values, k)));
+        values: &[L],
+    ) -> Result<PreparedLanes<'a, L>, BadParams> {
+        let lanes = (0..L::LANES).map(|k| factory.prepare(&lane(values, k)));
         Ok(Box::new(SideBySide(lanes.collect::<Result<_, _>>()?)))
     }
 }
 
-fn lane(values: &[F64x4], k: usize) -> Vec<f64> {
+fn lane<L: Several>(values: &[L], k: usize) -> Vec<f64> {
     values.iter().map(|x| x.lane(k)).collect()
 }
 
+/// The most lanes of a scalar.
+const MAX_LANES: usize = F64x8::LANES;
+
 /// Calls `rhs(k, y, dy)` for the lanes one after the other.
-pub(super) fn lane_by_lane(
-    y: &VecState<F64x4>,
-    dy: &mut VecState<F64x4>,
+pub(super) fn lane_by_lane<L: Several>(
+    y: &VecState<L>,
+    dy: &mut VecState<L>,
     rhs: impl Fn(usize, &[f64], &mut [f64]),
 ) {
-    let mut lanes = [const { Vec::new() }; F64x4::LANES];
-    for (k, out) in lanes.iter_mut().enumerate() {
+    let mut lanes = [const { Vec::new() }; MAX_LANES];
+    for (k, out) in lanes.iter_mut().enumerate().take(L::LANES) {
         out.resize(y.0.len(), 0.0);
         rhs(k, &lane(&y.0, k), out);
     }
     for (at, dy) in dy.0.iter_mut().enumerate() {
-        *dy = F64x4::new(std::array::from_fn(|k| lanes[k][at]));
+        *dy = L::gather(|k| lanes[k][at]);
     }
 }
 
-impl LaneDynamics for SideBySide<'_> {
-    fn hold(&mut self, inputs: &[F64x4]) -> bool {
+impl<L: Several> LaneDynamics<L> for SideBySide<'_> {
+    fn hold(&mut self, inputs: &[L]) -> bool {
         self.0.iter_mut().enumerate().all(|(k, dynamics)| dynamics.hold(&lane(inputs, k)))
     }
 
-    fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+    fn rhs(&self, t: L, y: &VecState<L>, dy: &mut VecState<L>) {
         lane_by_lane(y, dy, |k, y, dy| Dynamics::rhs(&*self.0[k], t.lane(k), y, dy));
     }
 
-    fn energy(&self, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4> {
+    fn energy(&self, t: L, y: &VecState<L>) -> Option<L> {
         let lanes = self.0.iter().enumerate();
         let energies = lanes.map(|(k, d)| Dynamics::energy(&**d, t.lane(k), &lane(&y.0, k)));
         let energies: Vec<f64> = energies.collect::<Option<_>>()?;
-        Some(F64x4::new(std::array::from_fn(|k| energies[k])))
+        Some(L::gather(|k| energies[k]))
     }
 
-    fn write_outputs(&self, t: F64x4, y: &VecState<F64x4>, out: &mut Vec<F64x4>) {
+    fn write_outputs(&self, t: L, y: &VecState<L>, out: &mut Vec<L>) {
         let of_lane = |k: usize| Dynamics::outputs(&*self.0[k], t.lane(k), &lane(&y.0, k));
-        let lanes: [Vec<f64>; F64x4::LANES] = std::array::from_fn(of_lane);
+        let lanes: Vec<Vec<f64>> = (0..L::LANES).map(of_lane).collect();
         out.clear();
-        out.extend((0..lanes[0].len()).map(|at| F64x4::new(std::array::from_fn(|k| lanes[k][at]))));
+        out.extend((0..lanes[0].len()).map(|at| L::gather(|k| lanes[k][at])));
     }
 
-    fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+    fn check(&self, t: L, y: &VecState<L>) -> Result<(), Failure> {
         let lanes = self.0.iter().enumerate();
         lanes.into_iter().try_for_each(|(k, d)| System::check(d, t.lane(k), &VecState(lane(&y.0, k))))
     }
 
-    fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+    fn domain(&self, t: L, y: &VecState<L>) -> Result<(), Failure> {
         let lanes = self.0.iter().enumerate();
         lanes.into_iter().try_for_each(|(k, d)| System::domain(d, t.lane(k), &VecState(lane(&y.0, k))))
     }
 
-    fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
-        F64x4::new(std::array::from_fn(|k| Dynamics::signature(&*self.0[k], t.lane(k), &lane(&y.0, k))))
+    fn signature(&self, t: L, y: &VecState<L>) -> L {
+        L::gather(|k| Dynamics::signature(&*self.0[k], t.lane(k), &lane(&y.0, k)))
     }
 
-    fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
+    fn pivots(&self, t: L, y: &VecState<L>, visit: &mut dyn FnMut(Pivot<L>)) {
         let of_lane = |k: usize| {
             let mut pivots = Vec::new();
             Dynamics::pivots(&*self.0[k], t.lane(k), &lane(&y.0, k), &mut |pivot| pivots.push(pivot));
             pivots
         };
-        let lanes: [Vec<Pivot<f64>>; F64x4::LANES] = std::array::from_fn(of_lane);
+        let lanes: Vec<Vec<Pivot<f64>>> = (0..L::LANES).map(of_lane).collect();
         for (at, Pivot { name, .. }) in lanes[0].iter().enumerate() {
-            let all = |part: fn(&Pivot<f64>) -> f64| F64x4::new(std::array::from_fn(|k| part(&lanes[k][at])));
+            let all = |part: fn(&Pivot<f64>) -> f64| L::gather(|k| part(&lanes[k][at]));
             visit(Pivot { name, value: all(|p| p.value), scale: all(|p| p.scale) });
         }
-    }
-}
-
-/// Parameter values that the model does not allow.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct BadParams {
-    /// The condition that does not hold, such as `m > 0`.
-    pub condition: String,
-    /// What the condition means for the model; may be empty.
-    pub meaning: String,
-}
-
-impl fmt::Display for BadParams {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} does not hold", self.condition)?;
-        if self.meaning.is_empty() { Ok(()) } else { write!(f, ": {}", self.meaning) }
-    }
-}
-
-impl From<ParamError> for BadParams {
-    fn from(error: ParamError) -> BadParams {
-        BadParams { condition: error.condition.to_string(), meaning: error.meaning.into() }
-    }
-}
-
-/// A state whose dimension is known at run time only.
-#[derive(Clone, Debug, PartialEq)]
-pub struct VecState<R = f64>(pub Vec<R>);
-
-impl<R: Real> StateVector<R> for VecState<R> {
-    fn as_slice(&self) -> &[R] {
-        &self.0
-    }
-
-    fn as_mut_slice(&mut self) -> &mut [R] {
-        &mut self.0
-    }
-}
-
-impl<R: Real> SquareStorage<R> for VecState<R> {
-    type Rows = Vec<VecState<R>>;
-    type Positions = Vec<usize>;
-
-    fn rows_like(&self) -> Self::Rows {
-        vec![self.zeros_like(); self.0.len()]
-    }
-
-    fn positions_like(&self) -> Self::Positions {
-        vec![0; self.0.len()]
     }
 }
 
@@ -619,26 +605,26 @@ impl<'a> OverScalar<F64x4> for PreparedScene<'a> {
     }
 }
 
-impl System<F64x4> for PreparedLanes<'_> {
-    type State = VecState<F64x4>;
+impl<L: Several> System<L> for PreparedLanes<'_, L> {
+    type State = VecState<L>;
 
-    fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+    fn rhs(&self, t: L, y: &VecState<L>, dy: &mut VecState<L>) {
         (**self).rhs(t, y, dy);
     }
 
-    fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+    fn check(&self, t: L, y: &VecState<L>) -> Result<(), Failure> {
         (**self).check(t, y)
     }
 
-    fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+    fn domain(&self, t: L, y: &VecState<L>) -> Result<(), Failure> {
         (**self).domain(t, y)
     }
 
-    fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
+    fn signature(&self, t: L, y: &VecState<L>) -> L {
         (**self).signature(t, y)
     }
 
-    fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
+    fn pivots(&self, t: L, y: &VecState<L>, visit: &mut dyn FnMut(Pivot<L>)) {
         (**self).pivots(t, y, visit);
     }
 }

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use hamel_ensemble::{Ensemble, Lanes, Motions, Source};
-use hamel_runtime::{F64x4, Method, Options, Wiener};
+use hamel_runtime::{F64x4, F64x8, Method, Options, Wiener};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use rayon::ThreadPool;
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::any_method::AnyMethod;
 use super::auto::Purpose;
-use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
+use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, Several, VecState};
 use super::info::Info;
 use super::integrate::{self, Unfinished};
 use super::lost_rank::Rank;
@@ -38,9 +38,28 @@ pub enum Width {
     #[cfg_attr(feature = "clap", value(name = "1"))]
     One,
     /// Four, with common steps that keep the tolerances of each; explicit methods only, otherwise one.
-    #[default]
     #[cfg_attr(feature = "clap", value(name = "4"))]
     Four,
+    /// Eight, likewise.
+    #[default]
+    #[cfg_attr(feature = "clap", value(name = "8"))]
+    Eight,
+}
+
+impl Width {
+    /// How many.
+    pub fn lanes(self) -> usize {
+        match self {
+            Width::One => 1,
+            Width::Four => F64x4::LANES,
+            Width::Eight => F64x8::LANES,
+        }
+    }
+
+    /// That of so many lanes, if it is one.
+    pub fn of_lanes(lanes: usize) -> Option<Width> {
+        [Width::One, Width::Four, Width::Eight].into_iter().find(|width| width.lanes() == lanes)
+    }
 }
 
 /// Many integrations from time zero that differ in parameters and initial state.
@@ -152,9 +171,10 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Mem
             // No trajectory will start, whatever the method.
             None => AnyMethod::single(&hamel_runtime::Dop853),
         };
-        let motions = match method.of_lanes().filter(|_| request.width == Width::Four) {
-            Some(method) => job.run::<F64x4, _>(method),
-            None => job.run::<f64, _>(method.of_scenes()),
+        let motions = match (request.width, method.of_lanes(), method.of_eight_lanes()) {
+            (Width::Four, Some(method), _) => job.run::<F64x4, _>(method),
+            (Width::Eight, _, Some(method)) => job.run::<F64x8, _>(method),
+            _ => job.run::<f64, _>(method.of_scenes()),
         }?;
         Ok(Members::new(factory, &request.members, motions, &times))
     });
@@ -293,26 +313,26 @@ impl<'a> Source<f64> for Scenes<'a> {
     }
 }
 
-impl<'a> Source<F64x4> for Scenes<'a> {
-    type State = VecState<F64x4>;
-    type System = PreparedLanes<'a>;
+impl<'a, L: Several> Source<L> for Scenes<'a> {
+    type State = VecState<L>;
+    type System = PreparedLanes<'a, L>;
     type Error = BadParams;
 
-    fn prepare(&self, params: &[F64x4]) -> Result<Self::System, BadParams> {
+    fn prepare(&self, params: &[L]) -> Result<Self::System, BadParams> {
         self.go_on()?;
-        self.factory.prepare_lanes(params)
+        L::prepare(self.factory, params)
     }
 
-    fn prepare_again(&self, system: &mut Self::System, params: &[F64x4]) -> Result<(), BadParams> {
+    fn prepare_again(&self, system: &mut Self::System, params: &[L]) -> Result<(), BadParams> {
         self.go_on()?;
-        self.factory.prepare_lanes_again(system, params)
+        L::prepare_again(self.factory, system, params)
     }
 
-    fn state(&self, components: &[F64x4]) -> VecState<F64x4> {
+    fn state(&self, components: &[L]) -> VecState<L> {
         VecState(components.to_vec())
     }
 
-    fn measure(&self, system: &Self::System, t: F64x4, y: &VecState<F64x4>) -> Option<F64x4> {
+    fn measure(&self, system: &Self::System, t: L, y: &VecState<L>) -> Option<L> {
         system.energy(t, y)
     }
 }
@@ -406,7 +426,106 @@ fn rate(progress: Progress, position: u64, seconds: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{Progress, rate};
+    use std::sync::Arc;
+
+    use hamel_ensemble::Motions;
+    use hamel_runtime::{Dop853, F64x8, Gbs14, Method, Options};
+
+    use super::{Cancel, EnsembleRequest, Job, Progress, Width, rate};
+    use crate::any_method::{OfLanes, OfScenes, SideBySide};
+    use crate::cache::Cache;
+    use crate::dynamics::{BadParams, PreparedLanes};
+    use crate::extrapolated::Extrapolated;
+    use crate::interpreted::{self, Built};
+    use crate::machine::Registers;
+    use crate::members::Beginnings;
+    use crate::method::{MethodName, Steps};
+    use crate::model::Checked;
+    use crate::noise::Noise;
+    use crate::session::Session;
+    use crate::wide::Wide;
+
+    const BOUNDED: &str = "
+        model bounded {
+            param l = 2 where l > 0;
+            coordinate theta in angle;
+            coordinate x in (-100, 1);
+            lagrangian = (x_dot^2 + l^2*theta_dot^2/2 + x_dot*theta_dot*cos(theta))/2 + l*cos(theta) - x^2/2;
+        }
+    ";
+
+    /// Some trajectories, of which the tenth runs out of its domain.
+    fn request(n: usize) -> EnsembleRequest {
+        let mut members = Beginnings::none(1, 4);
+        for k in 0..n {
+            let x = (k as f64 * 0.37).sin();
+            let speed = if k == 9 { 40.0 } else { 0.3 * x };
+            members.push(&[1.5 + 0.3 * x], &[0.4 * x, 0.2, 0.1 - x, speed]);
+        }
+        EnsembleRequest {
+            members,
+            t_final: 0.5,
+            method: MethodName::Gbs14,
+            steps: Steps::Adaptive { rtol: 1e-9, atol: 1e-11, max: None },
+            samples: 3,
+            width: Width::Eight,
+            max_steps: None,
+            threads: Some(1),
+            noise: Noise::default(),
+            watched: None,
+            progress: Progress::default(),
+            cancel: Cancel::default(),
+        }
+    }
+
+    fn motions<'a>(
+        scene: &'a Built,
+        request: &EnsembleRequest,
+        (single, lanes): (OfScenes<'a>, OfLanes<'a, F64x8>),
+    ) -> Motions<BadParams> {
+        let options: Options<f64> = request.options().unwrap();
+        let (times, progress) = ([0.0, 0.25, 0.5], |_: usize| {});
+        let job = Job { factory: scene, request, noise: None, options, times: &times, progress: &progress };
+        job.run::<F64x8, _>(SideBySide::chosen(single, lanes)).unwrap()
+    }
+
+    /// Of any number of trajectories, the last group of which has any size; one of them fails, with its neighbours
+    /// integrated alone.
+    #[test]
+    fn ensembles_on_eight_lanes_have_the_same_bits_with_any_registers() {
+        let tableau = <Dop853 as Method<F64x8, PreparedLanes<'static, F64x8>>>::TABLEAU;
+        let model = Session::of_shipped(&[]).parse("bounded", BOUNDED).unwrap_or_else(|e| panic!("{e}"));
+        let model = Arc::new(Checked::new(model, Cache::none()));
+        let scene = || interpreted::build(&model, "default").unwrap_or_else(|e| panic!("{e}"));
+        for n in 1..=17 {
+            let request = request(n);
+            let own: [Motions<BadParams>; 2] = [
+                motions(&scene(), &request, (&Gbs14, &Gbs14)),
+                motions(&scene(), &request, (&Dop853, &Dop853)),
+            ];
+            assert_eq!(own[0].stopped.len(), usize::from(n > 9), "the tenth alone does not arrive");
+            for most in [Registers::OfProgram, Registers::Avx, Registers::Avx2, Registers::Avx512] {
+                let scene = scene().in_memory().with_registers_up_to(most);
+                let gbs: OfLanes<'_, F64x8> = match Extrapolated::up_to(most) {
+                    Some(found) => Box::leak(Box::new(found)),
+                    None => &Gbs14,
+                };
+                let dop: OfLanes<'_, F64x8> = match Wide::up_to(most, tableau) {
+                    Some(found) => Box::leak(Box::new(found)),
+                    None => &Dop853,
+                };
+                let found =
+                    [motions(&scene, &request, (&Gbs14, gbs)), motions(&scene, &request, (&Dop853, dop))];
+                for (own, found) in own.iter().zip(&found) {
+                    let bits = |all: &[f64]| all.iter().map(|x| x.to_bits()).collect::<Vec<u64>>();
+                    assert_eq!(bits(&found.states), bits(&own.states), "{n} trajectories, {most:?}");
+                    assert_eq!(bits(&found.ends), bits(&own.ends), "{n} trajectories, {most:?}");
+                    assert_eq!(bits(&found.measures), bits(&own.measures), "{n} trajectories, {most:?}");
+                    assert_eq!((&found.stats, &found.stopped), (&own.stats, &own.stopped));
+                }
+            }
+        }
+    }
 
     /// Of work that was done before the run there is no speed.
     #[test]

@@ -5,10 +5,10 @@
 use std::ops::Range;
 
 use hamel_codegen::spec::Want;
-use hamel_runtime::{Error as SolverError, F64x4, Failure, Real as _};
+use hamel_runtime::{Error as SolverError, F64x8, Failure, Real as _};
 use serde::{Deserialize, Serialize};
 
-use super::dynamics::{BadParams, Dynamics, Factory, PreparedLanes, PreparedScene, VecState};
+use super::dynamics::{BadParams, Dynamics, Factory, PreparedLanes, PreparedScene, Several as _, VecState};
 use super::info::Info;
 use crate::error::{Error, Problem};
 
@@ -155,11 +155,11 @@ fn values(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> Result<Values, String> 
 /// compiled.
 pub struct Judge<'a> {
     factory: &'a dyn Factory,
-    lanes: Option<PreparedLanes<'a>>,
-    params: Vec<F64x4>,
-    state: VecState<F64x4>,
-    slope: VecState<F64x4>,
-    outputs: Vec<F64x4>,
+    lanes: Option<PreparedLanes<'a, F64x8>>,
+    params: Vec<F64x8>,
+    state: VecState<F64x8>,
+    slope: VecState<F64x8>,
+    outputs: Vec<F64x8>,
 }
 
 impl<'a> Judge<'a> {
@@ -179,12 +179,12 @@ impl<'a> Judge<'a> {
         to_lanes(states, &mut self.state.0);
         self.slope.0.clone_from(&self.state.0);
         let prepared = match &mut self.lanes {
-            Some(lanes) => self.factory.prepare_lanes_again(lanes, &self.params),
-            None => self.factory.prepare_lanes(&self.params).map(|lanes| self.lanes = Some(lanes)),
+            Some(lanes) => F64x8::prepare_again(self.factory, lanes, &self.params),
+            None => F64x8::prepare(self.factory, &self.params).map(|lanes| self.lanes = Some(lanes)),
         };
         let (Ok(()), Some(dynamics)) = (prepared, &self.lanes) else { return false };
-        let (t, y) = (F64x4::splat(0.0), &self.state);
-        let is_finite = |x: &F64x4| x.all_finite();
+        let (t, y) = (F64x8::splat(0.0), &self.state);
+        let is_finite = |x: &F64x8| x.all_finite();
         if dynamics.check(t, y).is_err() {
             return false;
         }
@@ -209,13 +209,13 @@ impl Judge<'_> {
         draw: &mut dyn FnMut(usize, &mut Drawn) -> bool,
         tell: &mut dyn FnMut(usize, Option<&Drawn>),
     ) {
-        let mut drawn: [Drawn; F64x4::LANES] = Default::default();
-        for first in range.clone().step_by(F64x4::LANES) {
-            let numbers = first..range.end.min(first + F64x4::LANES);
+        let mut drawn: [Drawn; F64x8::LANES] = Default::default();
+        for first in range.clone().step_by(F64x8::LANES) {
+            let numbers = first..range.end.min(first + F64x8::LANES);
             let width = numbers.len();
             let are_drawn = numbers.clone().zip(&mut drawn).all(|(k, own)| draw(k, own));
-            let params: [&[f64]; F64x4::LANES] = std::array::from_fn(|k| drawn[k].1.as_slice());
-            let states: [&[f64]; F64x4::LANES] = std::array::from_fn(|k| drawn[k].2.as_slice());
+            let params: [&[f64]; F64x8::LANES] = std::array::from_fn(|k| drawn[k].1.as_slice());
+            let states: [&[f64]; F64x8::LANES] = std::array::from_fn(|k| drawn[k].2.as_slice());
             let have_all = are_drawn && width > 1 && self.have_values(&params[..width], &states[..width]);
             for (at, k) in numbers.enumerate() {
                 let has_values =
@@ -226,12 +226,12 @@ impl Judge<'_> {
     }
 }
 
-/// Some numbers of each of up to four, component by component on lanes, of which those behind the last repeat it.
-fn to_lanes(all: &[&[f64]], out: &mut Vec<F64x4>) {
+/// Some numbers of each of up to eight, component by component on lanes, of which those behind the last repeat it.
+fn to_lanes(all: &[&[f64]], out: &mut Vec<F64x8>) {
     let n = all.first().map_or(0, |first| first.len());
     let of = |k: usize| all[k.min(all.len() - 1)];
     out.clear();
-    out.extend((0..n).map(|at| F64x4::new(std::array::from_fn(|k| of(k)[at]))));
+    out.extend((0..n).map(|at| F64x8::new(std::array::from_fn(|k| of(k)[at]))));
 }
 
 /// The derivative at a point.

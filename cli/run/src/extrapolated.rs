@@ -1,4 +1,4 @@
-//! The extrapolated midpoint rule on four lanes, whose rows are loops of machine code where the scene has such code:
+//! The extrapolated midpoint rule on lanes, whose rows are loops of machine code where the scene has such code:
 //! the right-hand side stands inside the loop.
 //!
 //! Every number has the bits of [`Gbs14`] on lanes: [`WideSums`] and the loops promise the bits of each operation, and
@@ -6,12 +6,10 @@
 //!
 //! Does not know: scenes, how steps are chosen.
 
-use hamel_runtime::{Error, F64x4, Gbs14, Method, Options, Real, Step, System, Tableau};
+use hamel_runtime::{Error, F64x4, Gbs14, Method, Options, Step, System, Tableau};
 
-use super::dynamics::{PreparedLanes, VecState};
-use super::machine::{Slopes, WideSums};
-
-type Lanes = VecState<F64x4>;
+use super::dynamics::{PreparedLanes, Several, VecState};
+use super::machine::{Registers, Slopes, WideSums};
 
 /// Number of rows.
 const N_ROWS: usize = 7;
@@ -38,43 +36,45 @@ const fn weights() -> [[f64; 2]; N_ROWS] {
     all
 }
 
+/// What the runtime's method says of itself, on any lanes.
+const OWN: &Tableau = <Gbs14 as Method<F64x4, PreparedLanes<'static>>>::TABLEAU;
+const BY_STEPS: bool = <Gbs14 as Method<F64x4, PreparedLanes<'static>>>::DENSE_BY_STEPS;
+
 /// [`Gbs14`], where the processor has wider registers than the program was compiled for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extrapolated(WideSums);
 
 impl Extrapolated {
-    /// None where the runtime's own operations are as wide.
-    pub(crate) fn of_host() -> Option<Extrapolated> {
-        WideSums::of_host().map(Extrapolated)
-    }
-
-    fn own_tableau() -> &'static Tableau {
-        <Gbs14 as Method<F64x4, PreparedLanes<'static>>>::TABLEAU
+    /// In these registers at most, unless the runtime's own operations are as wide.
+    pub(crate) fn up_to(most: Registers) -> Option<Extrapolated> {
+        WideSums::up_to(most).map(Extrapolated)
     }
 }
 
 /// What the method keeps from one step to the next.
-pub(crate) struct Storage {
+pub(crate) struct Storage<L> {
     sums: WideSums,
-    /// Of each row the last increment, and the one before behind it.
-    rows: Vec<Vec<F64x4>>,
+    /// Of each row the last increment, and the one before behind it, the longest row first.
+    rows: Vec<L>,
     /// The estimate of the error, divided by the step.
-    estimate: [Lanes; 1],
-    slope: Lanes,
+    estimate: [VecState<L>; 1],
+    slope: VecState<L>,
 }
 
-/// A row of `2 half` substeps of size `eta` over a step, where there is no machine code for it.
-fn run_row(
-    step: &mut Step<'_, F64x4, PreparedLanes<'_>>,
-    eta: F64x4,
+/// A row of `2 half` substeps over a step, where there is no machine code for it.
+fn run_row<L: Several>(
+    step: &mut Step<'_, L, PreparedLanes<'_, L>>,
     half: usize,
-    slope: &mut Lanes,
-    increments: &mut [F64x4],
+    slope: &mut VecState<L>,
+    increments: &mut [L],
 ) {
-    let (mut t, twice, n) = (step.t + eta, eta + eta, slope.0.len());
-    let (even, odd) = increments.split_at_mut(n);
+    let eta = step.h * L::from_f64(1.0 / (2 * half) as f64);
+    let (mut t, twice) = (step.t + eta, eta + eta);
+    let (even, odd) = increments.split_at_mut(slope.0.len());
+    even.fill(L::ZERO);
+    odd.iter_mut().zip(&step.from.slope.0).for_each(|(odd, f)| *odd = eta * *f);
     let (y, point, system) = (&step.from.state.0, &mut *step.work, step.system);
-    let mut substep = |at: &[F64x4], to: &mut [F64x4]| {
+    let mut substep = |at: &[L], to: &mut [L]| {
         for ((point, at), y) in point.0.iter_mut().zip(at).zip(y) {
             *point = *y + *at;
         }
@@ -91,55 +91,49 @@ fn run_row(
     }
 }
 
-impl<'a> Method<F64x4, PreparedLanes<'a>> for Extrapolated {
-    const TABLEAU: &'static Tableau = <Gbs14 as Method<F64x4, PreparedLanes<'static>>>::TABLEAU;
+impl<'a, L: Several> Method<L, PreparedLanes<'a, L>> for Extrapolated
+where
+    Gbs14: Method<L, PreparedLanes<'a, L>>,
+{
+    const TABLEAU: &'static Tableau = OWN;
 
-    const DENSE_BY_STEPS: bool = <Gbs14 as Method<F64x4, PreparedLanes<'static>>>::DENSE_BY_STEPS;
+    const DENSE_BY_STEPS: bool = BY_STEPS;
 
-    type Storage = Storage;
+    type Storage = Storage<L>;
 
-    fn validate(&self, options: &Options<F64x4>) -> Result<(), Error> {
-        Method::<F64x4, PreparedLanes<'a>>::validate(&Gbs14, options)
+    fn validate(&self, options: &Options<L>) -> Result<(), Error> {
+        Method::<L, PreparedLanes<'a, L>>::validate(&Gbs14, options)
     }
 
-    fn storage(&self, _: &PreparedLanes<'a>, _: F64x4, y0: &Lanes, _: &Options<F64x4>) -> Storage {
-        let zeros = VecState(vec![F64x4::ZERO; y0.0.len()]);
-        let rows = vec![vec![F64x4::ZERO; 2 * y0.0.len()]; N_ROWS];
+    fn storage(&self, _: &PreparedLanes<'a, L>, _: L, y0: &VecState<L>, _: &Options<L>) -> Storage<L> {
+        let zeros = VecState(vec![L::ZERO; y0.0.len()]);
+        let rows = vec![L::ZERO; N_ROWS * 2 * y0.0.len()];
         Storage { sums: self.0, rows, estimate: [zeros.clone()], slope: zeros }
     }
 
-    fn renew(&self, _: &mut Storage, _: &PreparedLanes<'a>, _: F64x4, _: &Lanes, _: &Options<F64x4>) {
+    fn renew(&self, _: &mut Storage<L>, _: &PreparedLanes<'a, L>, _: L, _: &VecState<L>, _: &Options<L>) {
         // Every row of a step is computed before it is read.
     }
 
-    fn stages(storage: &Storage) -> &[Lanes] {
+    fn stages(storage: &Storage<L>) -> &[VecState<L>] {
         &storage.estimate
     }
 
-    fn stages_mut(storage: &mut Storage) -> &mut [Lanes] {
+    fn stages_mut(storage: &mut Storage<L>) -> &mut [VecState<L>] {
         &mut storage.estimate
     }
 
     fn advance(
         &self,
-        storage: &mut Storage,
-        step: &mut Step<'_, F64x4, PreparedLanes<'a>>,
+        storage: &mut Storage<L>,
+        step: &mut Step<'_, L, PreparedLanes<'a, L>>,
     ) -> Result<(), Error> {
         let Storage { sums, rows, estimate: [estimate], slope } = storage;
-        let n = slope.0.len();
-        for (row, increments) in rows.iter_mut().enumerate() {
-            let half = row + 1;
-            let eta = step.h * F64x4::splat(1.0 / (2 * half) as f64);
-            let begin = |increments: &mut [F64x4]| {
-                let (even, odd) = increments.split_at_mut(n);
-                even.fill(F64x4::ZERO);
-                odd.iter_mut().zip(&step.from.slope.0).for_each(|(odd, f)| *odd = eta * *f);
-            };
-            begin(increments);
-            let (y, times) = (&step.from.state.0, (step.t + eta, eta));
-            if !step.system.run_row(times, half, y, increments) {
-                begin(increments);
-                run_row(step, eta, half, slope, increments);
+        let start = (step.from.state.0.as_slice(), step.from.slope.0.as_slice());
+        if !step.system.run_rows((step.t, step.h), start, rows) {
+            let n = slope.0.len();
+            for (row, increments) in rows.chunks_exact_mut(2 * n.max(1)).enumerate() {
+                run_row(step, N_ROWS - row, slope, increments);
             }
         }
         let from = (step.from.state.0.as_slice(), step.from.residue.0.as_slice());
@@ -150,13 +144,13 @@ impl<'a> Method<F64x4, PreparedLanes<'a>> for Extrapolated {
     }
 
     fn mean_square_error(
-        Storage { sums, estimate, .. }: &Storage,
-        h: F64x4,
-        rtol: &Lanes,
-        atol: &Lanes,
-        [a, b]: [&Lanes; 2],
+        Storage { sums, estimate, .. }: &Storage<L>,
+        h: L,
+        rtol: &VecState<L>,
+        atol: &VecState<L>,
+        [a, b]: [&VecState<L>; 2],
     ) -> Option<f64> {
-        let tableau = Extrapolated::own_tableau();
+        let tableau = OWN;
         // The one sum is the estimate, which is stored.
         let [own] = estimate;
         let k = Slopes { n_stages: tableau.n_stages(), first: own, stored: estimate, last: own };
@@ -170,30 +164,36 @@ impl<'a> Method<F64x4, PreparedLanes<'a>> for Extrapolated {
 mod tests {
     use std::sync::Arc;
 
-    use hamel_runtime::{F64x4, Failure, Gbs14, Options, Pivot, Real};
+    use hamel_runtime::{F64x4, F64x8, Failure, Gbs14, Method, Options, Pivot};
 
-    use super::{Extrapolated, Lanes, PreparedLanes};
+    use super::{Extrapolated, PreparedLanes, Registers, Several, VecState};
     use crate::cache::Cache;
-    use crate::dynamics::{Factory, LaneDynamics};
+    use crate::dynamics::LaneDynamics;
     use crate::interpreted::{self, Built};
     use crate::model::Checked;
     use crate::session::Session;
     use crate::wide::tests::{Pendulums, motion};
 
-    /// Whether the method has the bits of the runtime's, adaptive and with fixed steps.
-    fn holds(system: &PreparedLanes<'_>, n: usize) -> bool {
-        let Some(own) = Extrapolated::of_host() else { return true };
-        let adaptive = Options::adaptive(F64x4::splat(1e-9), F64x4::splat(1e-11));
-        [adaptive, Options::fixed(F64x4::splat(0.1))]
-            .into_iter()
-            .all(|options| motion(system, Gbs14, n, options) == motion(system, own, n, options))
+    /// Whether the method has the bits of the runtime's, adaptive and with fixed steps, in all registers.
+    fn holds<L: Several>(system: &PreparedLanes<'_, L>, n: usize) -> bool
+    where
+        Gbs14: for<'a> Method<L, PreparedLanes<'a, L>>,
+    {
+        let adaptive = Options::adaptive(L::from_f64(1e-9), L::from_f64(1e-11));
+        let of_all = |own: Extrapolated| {
+            [adaptive, Options::fixed(L::from_f64(0.1))]
+                .into_iter()
+                .all(|options| motion(system, Gbs14, n, options) == motion(system, own, n, options))
+        };
+        [Registers::Avx, Registers::Avx512].into_iter().filter_map(Extrapolated::up_to).all(of_all)
     }
 
     #[test]
     fn systems_without_code_for_rows_have_the_bits_of_the_runtime() {
         for n in 1..=9 {
-            let system: PreparedLanes<'_> = Box::new(Pendulums);
-            assert!(holds(&system, n), "{n} components");
+            let (four, eight): (PreparedLanes<'_>, PreparedLanes<'_, F64x8>) =
+                (Box::new(Pendulums), Box::new(Pendulums));
+            assert!(holds(&four, n) && holds(&eight, n), "{n} components");
         }
     }
 
@@ -218,16 +218,30 @@ mod tests {
     /// Of parameters and inputs that differ from lane to lane.
     #[test]
     fn rows_in_code_have_the_bits_of_the_runtime() {
-        let scene = cart();
-        let values = [F64x4::new([1.5, 2.0, 2.5, 1.0]), F64x4::new([0.1, -0.2, 0.0, 0.4])];
-        let mut lanes = scene.prepare_lanes(&values).unwrap();
-        assert!(holds(&lanes, 4));
-        assert!(lanes.hold(&[F64x4::splat(0.7)]) && holds(&lanes, 4));
-        assert!(!lanes.hold(&[]), "values for no inputs are others");
-        let mut increments = [F64x4::splat(0.01); 8];
-        let start = [F64x4::splat(0.2); 4];
-        let has_rows = lanes.run_row((F64x4::ZERO, F64x4::splat(0.1)), 2, &start, &mut increments);
-        assert_eq!(has_rows, crate::machine::IS_THERE && Extrapolated::of_host().is_some() && has_avx2());
+        hold_in_code::<F64x4>();
+        hold_in_code::<F64x8>();
+    }
+
+    fn hold_in_code<L: Several>()
+    where
+        Gbs14: for<'a> Method<L, PreparedLanes<'a, L>>,
+    {
+        for most in [Registers::Avx2, Registers::Avx512] {
+            let scene = cart().with_registers_up_to(most);
+            let values =
+                [[1.5, 2.0, 2.5, 1.0, 1.1, 3.0, 1.7, 1.9], [0.1, -0.2, 0.0, 0.4, 0.3, -0.1, 0.2, 0.5]];
+            let mut lanes = L::prepare(&scene, &values.map(|of| L::gather(|lane| of[lane]))).unwrap();
+            assert!(holds(&lanes, 4));
+            assert!(lanes.hold(&[L::from_f64(0.7)]) && holds(&lanes, 4));
+            assert!(!lanes.hold(&[]), "values for no inputs are others");
+            let mut increments = [L::from_f64(0.01); 16];
+            let (start, slope) = ([L::from_f64(0.2); 4], [L::from_f64(0.1); 4]);
+            let has_rows = lanes.run_rows((L::ZERO, L::from_f64(0.1)), (&start, &slope), &mut increments);
+            assert_eq!(
+                has_rows,
+                crate::machine::IS_THERE && Extrapolated::up_to(most).is_some() && has_avx2()
+            );
+        }
     }
 
     /// Rows are for processors with AVX2.
@@ -241,33 +255,34 @@ mod tests {
     /// Rows that say that they are done, and are not.
     struct Wrong;
 
-    impl LaneDynamics for Wrong {
-        fn rhs(&self, t: F64x4, y: &Lanes, dy: &mut Lanes) {
+    impl<L: Several> LaneDynamics<L> for Wrong {
+        fn rhs(&self, t: L, y: &VecState<L>, dy: &mut VecState<L>) {
             Pendulums.rhs(t, y, dy);
         }
-        fn run_row(&self, _: (F64x4, F64x4), _: usize, _: &[F64x4], increments: &mut [F64x4]) -> bool {
-            increments.iter_mut().for_each(|x| *x += F64x4::splat(1e-15));
+        fn run_rows(&self, _: (L, L), _: (&[L], &[L]), increments: &mut [L]) -> bool {
+            increments.iter_mut().for_each(|x| *x += L::from_f64(1e-15));
             true
         }
-        fn energy(&self, _: F64x4, _: &Lanes) -> Option<F64x4> {
+        fn energy(&self, _: L, _: &VecState<L>) -> Option<L> {
             None
         }
-        fn write_outputs(&self, _: F64x4, _: &Lanes, _: &mut Vec<F64x4>) {}
-        fn check(&self, _: F64x4, _: &Lanes) -> Result<(), Failure> {
+        fn write_outputs(&self, _: L, _: &VecState<L>, _: &mut Vec<L>) {}
+        fn check(&self, _: L, _: &VecState<L>) -> Result<(), Failure> {
             Ok(())
         }
-        fn domain(&self, _: F64x4, _: &Lanes) -> Result<(), Failure> {
+        fn domain(&self, _: L, _: &VecState<L>) -> Result<(), Failure> {
             Ok(())
         }
-        fn signature(&self, _: F64x4, _: &Lanes) -> F64x4 {
-            F64x4::ZERO
+        fn signature(&self, _: L, _: &VecState<L>) -> L {
+            L::ZERO
         }
-        fn pivots(&self, _: F64x4, _: &Lanes, _: &mut dyn FnMut(Pivot<F64x4>)) {}
+        fn pivots(&self, _: L, _: &VecState<L>, _: &mut dyn FnMut(Pivot<L>)) {}
     }
 
     #[test]
     fn another_row_is_found() {
-        let system: PreparedLanes<'_> = Box::new(Wrong);
-        assert!(Extrapolated::of_host().is_none() || !holds(&system, 3));
+        let (four, eight): (PreparedLanes<'_>, PreparedLanes<'_, F64x8>) = (Box::new(Wrong), Box::new(Wrong));
+        let has_own = Extrapolated::up_to(Registers::Avx).is_some();
+        assert!(!has_own || !holds(&four, 3) && !holds(&eight, 3));
     }
 }

@@ -9,13 +9,13 @@ use std::sync::{Arc, OnceLock};
 use hamel_codegen::scene::{self, BuiltScene, DiscreteLayout, DiscretePart, Executable, Interpreter};
 use hamel_codegen::spec::Want;
 use hamel_program::program::{Circles, Counts, Function, Jet, Program, Role, Run, ViolatedCondition};
-use hamel_runtime::{Dual, F64x4, Failure, Pivot, Wiener};
+use hamel_runtime::{Dual, F64x4, F64x8, Failure, Pivot, Wiener};
 
 use super::constraint_rows::ConstraintRows;
 use super::driving::{Driving, OnLanes, bad_params};
 use super::dynamics::{
     BadParams, Dynamics, Factory, LaneDynamics as _, PositionEquations, PreparedDuals, PreparedLanes,
-    PreparedScene, SideBySide, VecState, lane_by_lane,
+    PreparedScene, Several, SideBySide, VecState, lane_by_lane,
 };
 use super::guards::{check, domain, pivots};
 use super::info::Info;
@@ -66,11 +66,11 @@ impl Runnable {
     }
 
     /// On lanes with parameters and inputs of their own, where the program is compiled.
-    fn prepare_lanes(
+    fn prepare_lanes<L: Several>(
         &self,
-        (params, inputs): (&[F64x4], &[F64x4]),
+        (params, inputs): (&[L], &[L]),
         drive: &Drive,
-    ) -> Option<Result<OnLanes<'_>, ViolatedCondition>> {
+    ) -> Option<Result<OnLanes<'_, L>, ViolatedCondition>> {
         let compiled = self.compiled.as_ref()?;
         let rate = self.program.function_idx(&Role::Rate)?;
         let on_lanes = |interpreter| OnLanes {
@@ -193,6 +193,15 @@ impl Built {
         };
         let executable = Arc::new(Runnable::new(executable, true));
         Built { is_in_memory: true, ..Built::of(&model, executable, drive, info, derived) }
+    }
+
+    /// The same with code for these registers at most, to compare.
+    #[cfg(test)]
+    pub(crate) fn with_registers_up_to(mut self, most: machine::Registers) -> Built {
+        if let Some(Runnable { compiled, .. }) = Arc::get_mut(&mut self.executable) {
+            *compiled = compiled.take().map(|compiled| compiled.with_registers_up_to(most));
+        }
+        self
     }
 
     /// The same scene with inputs from a table.
@@ -364,6 +373,15 @@ fn why_unsplit(error: hamel_codegen::error::Error) -> String {
 }
 
 impl Built {
+    /// On lanes, in machine code where the scene is compiled, otherwise one after the other.
+    fn prepare_several<L: Several>(&self, values: &[L]) -> Result<PreparedLanes<'_, L>, BadParams> {
+        let (params, inputs) = self.parted(values);
+        match self.executable.prepare_lanes((params, inputs), &self.drive) {
+            Some(lanes) => Ok(Box::new(lanes.map_err(bad_params)?)),
+            None => SideBySide::boxed(self, values),
+        }
+    }
+
     /// With values for the inputs in the place of what drives them, or none.
     fn prepare_driven(
         &self,
@@ -403,11 +421,11 @@ impl Factory for Built {
     }
 
     fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
-        let (params, inputs) = self.parted(values);
-        match self.executable.prepare_lanes((params, inputs), &self.drive) {
-            Some(lanes) => Ok(Box::new(lanes.map_err(bad_params)?)),
-            None => SideBySide::boxed(self, values),
-        }
+        self.prepare_several(values)
+    }
+
+    fn prepare_eight_lanes(&self, values: &[F64x8]) -> Result<PreparedLanes<'_, F64x8>, BadParams> {
+        self.prepare_several(values)
     }
 
     fn prepare_duals(&self, values: &[Dual]) -> Result<PreparedDuals<'_>, BadParams> {

@@ -3,18 +3,46 @@
 //! Deliberately does not know: scenes, who evaluates them.
 
 #[cfg(all(feature = "jit", not(target_family = "wasm")))]
-pub(super) use hamel_jit::{Compiled, Slopes, WideSums};
+pub(super) use hamel_jit::Wide;
+#[cfg(all(feature = "jit", not(target_family = "wasm")))]
+pub(super) use hamel_jit::{Compiled, Registers, Slopes, WideSums};
 
 /// Whether programs can be compiled in memory: WebAssembly runs nothing that was not there from the beginning.
 pub(super) const IS_THERE: bool = cfg!(all(feature = "jit", not(target_family = "wasm")));
 
 #[cfg(not(all(feature = "jit", not(target_family = "wasm"))))]
-pub(super) use nothing::{Compiled, Slopes, WideSums};
+pub(super) use nothing::Wide;
+#[cfg(not(all(feature = "jit", not(target_family = "wasm"))))]
+pub(super) use nothing::{Compiled, Registers, Slopes, WideSums};
 
 #[cfg(not(all(feature = "jit", not(target_family = "wasm"))))]
 mod nothing {
     use hamel_program::program::{Point, Program, Run};
-    use hamel_runtime::{F64x4, Row};
+    use hamel_runtime::{F64x4, F64x8, Real, Row};
+
+    /// A scalar of several lanes.
+    pub trait Wide: Real {
+        /// How many.
+        const WIDTH: usize;
+    }
+
+    impl Wide for F64x4 {
+        const WIDTH: usize = F64x4::LANES;
+    }
+
+    impl Wide for F64x8 {
+        const WIDTH: usize = F64x8::LANES;
+    }
+
+    /// The widest registers for which code is made.
+    #[derive(Clone, Copy, Debug)]
+    #[expect(dead_code, reason = "no code is made")]
+    pub(in super::super) enum Registers {
+        OfProgram,
+        Avx,
+        Avx2,
+        Avx512,
+    }
 
     /// A compiled program, of which there is none.
     #[derive(Debug)]
@@ -26,14 +54,18 @@ mod nothing {
             Err("machine code cannot be made in memory here")
         }
 
-        pub(in super::super) fn run_row(
+        #[cfg(test)]
+        pub(in super::super) fn with_registers_up_to(self, _: Registers) -> Compiled {
+            self
+        }
+
+        pub(in super::super) fn run_rows<L>(
             &self,
             _: usize,
-            _: (&[F64x4], &[F64x4]),
-            _: (F64x4, F64x4),
-            _: usize,
-            _: &[F64x4],
-            _: &mut [F64x4],
+            _: (&[L], &[L]),
+            _: (L, L),
+            _: (&[L], &[L]),
+            _: &mut [L],
         ) -> bool {
             match *self {}
         }
@@ -44,46 +76,40 @@ mod nothing {
     pub(in super::super) enum WideSums {}
 
     impl WideSums {
-        pub(in super::super) fn of_host() -> Option<WideSums> {
+        pub(in super::super) fn up_to(_: Registers) -> Option<WideSums> {
             None
         }
 
-        pub(in super::super) fn stage<V>(
+        pub(in super::super) fn stage<L, V>(self, _: (Row, &Slopes<'_, V>), _: L, _: &[L], _: &mut [L]) {
+            match self {}
+        }
+
+        pub(in super::super) fn advance<L, V>(
             self,
             _: (Row, &Slopes<'_, V>),
-            _: F64x4,
-            _: &[F64x4],
-            _: &mut [F64x4],
+            _: L,
+            _: (&[L], &[L]),
+            _: (&mut [L], &mut [L]),
         ) {
             match self {}
         }
 
-        pub(in super::super) fn advance<V>(
+        pub(in super::super) fn extrapolate<L>(
             self,
-            _: (Row, &Slopes<'_, V>),
-            _: F64x4,
-            _: (&[F64x4], &[F64x4]),
-            _: (&mut [F64x4], &mut [F64x4]),
+            _: (&[[f64; 2]], &[L]),
+            _: L,
+            _: (&[L], &[L]),
+            _: (&mut [L], &mut [L]),
+            _: &mut [L],
         ) {
             match self {}
         }
 
-        pub(in super::super) fn extrapolate(
-            self,
-            _: (&[[f64; 2]], &[Vec<F64x4>]),
-            _: F64x4,
-            _: (&[F64x4], &[F64x4]),
-            _: (&mut [F64x4], &mut [F64x4]),
-            _: &mut [F64x4],
-        ) {
-            match self {}
-        }
-
-        pub(in super::super) fn mean_squares<V>(
+        pub(in super::super) fn mean_squares<L, V>(
             self,
             _: ([Row; 2], &Slopes<'_, V>),
-            _: [&[F64x4]; 2],
-            _: [&[F64x4]; 2],
+            _: [&[L]; 2],
+            _: [&[L]; 2],
         ) -> [f64; 2] {
             match self {}
         }

@@ -2,6 +2,7 @@
 //!
 //! Does not know: how trajectories are integrated, files.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use hamel_ensemble::{Motions, Stop, Stopped};
@@ -27,6 +28,13 @@ impl Beginnings {
     pub fn none(n_params: usize, n_state: usize) -> Beginnings {
         let (params, states) = (Vec::new(), Vec::new());
         Beginnings { n: 0, n_params, n_state, params, states, failed: BTreeMap::new() }
+    }
+
+    /// Makes room for so many trajectories in all.
+    pub fn reserve(&mut self, n: usize) {
+        let more = n.saturating_sub(self.n);
+        self.params.reserve_exact(more * self.n_params);
+        self.states.reserve_exact(more * self.n_state);
     }
 
     /// Adds a trajectory.
@@ -278,6 +286,41 @@ impl Members {
     /// All in their order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Member<'_>> {
         (0..self.len()).map(|at| self.get(at))
+    }
+
+    /// Accepted steps of each.
+    pub fn steps(&self) -> &[u64] {
+        &self.steps
+    }
+
+    /// The states of all samples, trajectory by trajectory and time by time; NaN where there is no sample.
+    pub fn states(&self) -> Cow<'_, [f64]> {
+        if self.have_all_samples() {
+            return Cow::Borrowed(&self.states);
+        }
+        let mut all = Vec::with_capacity(self.states.len());
+        for sample in self.iter().flat_map(|member| (0..self.times.len()).map(move |at| member.sample(at))) {
+            match sample {
+                Some(sample) => all.extend_from_slice(sample.state),
+                None => all.extend(std::iter::repeat_n(f64::NAN, self.n_state)),
+            }
+        }
+        Cow::Owned(all)
+    }
+
+    /// The energies of all samples; NaN where there is none.
+    pub fn energies(&self) -> Cow<'_, [f64]> {
+        let n = self.len() * self.times.len();
+        if self.have_all_samples() && self.energies.len() == n {
+            return Cow::Borrowed(&self.energies);
+        }
+        let samples = self.iter().flat_map(|member| (0..self.times.len()).map(move |at| member.sample(at)));
+        Cow::Owned(samples.map(|sample| sample.and_then(|s| s.energy).unwrap_or(f64::NAN)).collect())
+    }
+
+    /// Whether there is a sample of each trajectory at each time.
+    fn have_all_samples(&self) -> bool {
+        self.have_arrived() && self.times.windows(2).all(|pair| pair[0] != pair[1])
     }
 
     /// Whether all arrived with all values.

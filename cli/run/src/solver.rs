@@ -6,15 +6,16 @@ use std::sync::LazyLock;
 
 use hamel_codegen::spec::Want;
 use hamel_runtime::{
-    Discrete2, Discrete4, Discrete6, Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14, Method,
-    Midpoint, OnCircles, Rk4, Splitting2, Splitting4, Splitting6, Taylor, Tsit5, Vern9,
+    Discrete2, Discrete4, Discrete6, Dop853, Dopri5, F64x4, F64x8, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14,
+    Method, Midpoint, OnCircles, Rk4, Splitting2, Splitting4, Splitting6, Taylor, Tsit5, Vern9,
 };
 
-use super::any_method::{AnyMethod, MAX_INVARIANTS, OfLanes, OfScenes};
+use super::any_method::{AnyMethod, MAX_INVARIANTS, OfBoth, OfLanes, OfScenes};
 use super::auto::{self, Purpose};
 use super::dynamics::{Dynamics, PreparedLanes};
 use super::extrapolated::Extrapolated;
 use super::info::Info;
+use super::machine::Registers;
 use super::method::{MethodName, Steps};
 use super::wide::Wide;
 use crate::error::Error;
@@ -22,10 +23,12 @@ use crate::error::Error;
 /// An explicit method on lanes, in wide registers where the processor has some.
 macro_rules! on_lanes {
     ($method:ident) => {{
-        static WIDE: LazyLock<Option<Wide>> =
-            LazyLock::new(|| Wide::of(<$method as Method<F64x4, PreparedLanes<'static>>>::TABLEAU));
-        let own: OfLanes<'a> = &$method;
-        WIDE.as_ref().map_or(own, |wide| wide)
+        static WIDE: LazyLock<Option<Wide>> = LazyLock::new(|| {
+            let tableau = <$method as Method<F64x4, PreparedLanes<'static>>>::TABLEAU;
+            Wide::up_to(Registers::Avx512, tableau)
+        });
+        let (four, eight): (OfLanes<'a>, OfLanes<'a, F64x8>) = (&$method, &$method);
+        WIDE.as_ref().map_or((four, eight), |wide| (wide, wide))
     }};
 }
 
@@ -76,9 +79,10 @@ fn own_method<'a>(
             carried(&Vern9, const { &OnCircles::new(Vern9) }, dynamics).with_lanes(on_lanes!(Vern9))
         }
         MethodName::Gbs14 => {
-            static WIDE: LazyLock<Option<Extrapolated>> = LazyLock::new(Extrapolated::of_host);
-            let own: OfLanes<'a> = &Gbs14;
-            let on_lanes = WIDE.as_ref().map_or(own, |wide| wide);
+            static WIDE: LazyLock<Option<Extrapolated>> =
+                LazyLock::new(|| Extrapolated::up_to(Registers::Avx512));
+            let (four, eight): (OfLanes<'a>, OfLanes<'a, F64x8>) = (&Gbs14, &Gbs14);
+            let on_lanes: OfBoth<'a> = WIDE.as_ref().map_or((four, eight), |wide| (wide, wide));
             carried(&Gbs14, const { &OnCircles::new(Gbs14) }, dynamics).with_lanes(on_lanes)
         }
         MethodName::Dopri5 => AnyMethod::single(&Dopri5).with_lanes(on_lanes!(Dopri5)),

@@ -1,16 +1,14 @@
-//! Steps of explicit methods on four lanes, their sums in the widest registers of the processor.
+//! Steps of explicit methods on lanes, their sums in the widest registers of the processor.
 //!
 //! Every number has the bits that the method itself gives: [`WideSums`] promises the bits of each operation, and their
 //! order is that of the runtime.
 //!
 //! Does not know: scenes, how steps are chosen.
 
-use hamel_runtime::{Error, Estimate, F64x4, Method, Options, Point, Real, Step, System, Tableau};
+use hamel_runtime::{Error, Estimate, Method, Options, Point, Step, System, Tableau};
 
-use super::dynamics::{PreparedLanes, VecState};
-use super::machine::{Slopes, WideSums};
-
-type Lanes = VecState<F64x4>;
+use super::dynamics::{PreparedLanes, Several, VecState};
+use super::machine::{Registers, Slopes, WideSums};
 
 /// An explicit method by its tableau.
 #[derive(Clone, Copy, Debug)]
@@ -20,53 +18,54 @@ pub(crate) struct Wide {
 }
 
 impl Wide {
-    /// The method with a tableau, where the processor has wider registers than the program was compiled for.
-    pub(crate) fn of(tableau: &'static Tableau) -> Option<Wide> {
-        let sums = WideSums::of_host()?;
+    /// The method with a tableau, in these registers at most, where the processor has wider ones than the program was
+    /// compiled for.
+    pub(crate) fn up_to(most: Registers, tableau: &'static Tableau) -> Option<Wide> {
+        let sums = WideSums::up_to(most)?;
         Some(Wide { tableau, sums })
     }
 }
 
 /// What a method keeps from one step to the next.
-pub(crate) struct Storage {
+pub(crate) struct Storage<L> {
     wide: Wide,
     /// Derivatives at the stages but the first.
-    stages: Vec<Lanes>,
+    stages: Vec<VecState<L>>,
     /// Those at the ends of the step, for its error.
-    ends: [Lanes; 2],
+    ends: [VecState<L>; 2],
 }
 
-impl<'a> Method<F64x4, PreparedLanes<'a>> for Wide {
+impl<'a, L: Several> Method<L, PreparedLanes<'a, L>> for Wide {
     const TABLEAU: &'static Tableau = Tableau::CHOSEN;
 
-    type Storage = Storage;
+    type Storage = Storage<L>;
 
     fn tableau(&self) -> &'static Tableau {
         self.tableau
     }
 
-    fn storage(&self, _: &PreparedLanes<'a>, _: F64x4, y0: &Lanes, _: &Options<F64x4>) -> Storage {
-        let zeros = VecState(vec![F64x4::ZERO; y0.0.len()]);
+    fn storage(&self, _: &PreparedLanes<'a, L>, _: L, y0: &VecState<L>, _: &Options<L>) -> Storage<L> {
+        let zeros = VecState(vec![L::ZERO; y0.0.len()]);
         let stages = vec![zeros.clone(); self.tableau.n_stored()];
         Storage { wide: *self, stages, ends: [zeros.clone(), zeros] }
     }
 
-    fn renew(&self, _: &mut Storage, _: &PreparedLanes<'a>, _: F64x4, _: &Lanes, _: &Options<F64x4>) {
+    fn renew(&self, _: &mut Storage<L>, _: &PreparedLanes<'a, L>, _: L, _: &VecState<L>, _: &Options<L>) {
         // Every stage of a step is computed before it is read.
     }
 
-    fn stages(storage: &Storage) -> &[Lanes] {
+    fn stages(storage: &Storage<L>) -> &[VecState<L>] {
         &storage.stages
     }
 
-    fn stages_mut(storage: &mut Storage) -> &mut [Lanes] {
+    fn stages_mut(storage: &mut Storage<L>) -> &mut [VecState<L>] {
         &mut storage.stages
     }
 
     fn advance(
         &self,
-        storage: &mut Storage,
-        step: &mut Step<'_, F64x4, PreparedLanes<'a>>,
+        storage: &mut Storage<L>,
+        step: &mut Step<'_, L, PreparedLanes<'a, L>>,
     ) -> Result<(), Error> {
         let (Wide { tableau, sums }, n_stages) = (*self, self.tableau.n_stages());
         let (from, h) = (step.from, step.h);
@@ -76,7 +75,7 @@ impl<'a> Method<F64x4, PreparedLanes<'a>> for Wide {
             let (known, next) = storage.stages.split_at_mut(i - 1);
             let k = Slopes { n_stages, first: slope, stored: known, last: slope };
             sums.stage((row, &k), h, y, &mut step.work.0);
-            step.system.rhs(step.t + node.get::<F64x4>() * h, step.work, &mut next[0]);
+            step.system.rhs(step.t + node.get::<L>() * h, step.work, &mut next[0]);
         }
         // The weights do not refer to the derivative at the end, which is not known yet.
         let k = Slopes { n_stages, first: slope, stored: &storage.stages, last: slope };
@@ -86,17 +85,23 @@ impl<'a> Method<F64x4, PreparedLanes<'a>> for Wide {
         Ok(())
     }
 
-    fn slope(&self, storage: &mut Storage, system: &PreparedLanes<'a>, t: F64x4, end: &mut Point<Lanes>) {
+    fn slope(
+        &self,
+        storage: &mut Storage<L>,
+        system: &PreparedLanes<'a, L>,
+        t: L,
+        end: &mut Point<VecState<L>>,
+    ) {
         system.rhs(t, &end.state, &mut end.slope);
         storage.ends[1].0.copy_from_slice(&end.slope.0);
     }
 
     fn mean_square_error(
-        storage: &Storage,
-        h: F64x4,
-        rtol: &Lanes,
-        atol: &Lanes,
-        [a, b]: [&Lanes; 2],
+        storage: &Storage<L>,
+        h: L,
+        rtol: &VecState<L>,
+        atol: &VecState<L>,
+        [a, b]: [&VecState<L>; 2],
     ) -> Option<f64> {
         let Storage { wide: Wide { tableau, sums }, stages, ends: [first, last] } = storage;
         let k = Slopes { n_stages: tableau.n_stages(), first, stored: stages, last };
@@ -115,67 +120,71 @@ impl<'a> Method<F64x4, PreparedLanes<'a>> for Wide {
 #[cfg(test)]
 pub(crate) mod tests {
     use hamel_runtime::{
-        Dop853, Dopri5, F64x4, Failure, Integrator, Method, Options, Pivot, Real, Rk4, Tableau, Tsit5, Vern9,
+        Dop853, Dopri5, F64x4, F64x8, Failure, Integrator, Method, Options, Pivot, Rk4, Tableau, Tsit5, Vern9,
     };
 
-    use super::{Lanes, PreparedLanes, VecState, Wide};
+    use super::{PreparedLanes, Registers, Several, VecState, Wide};
     use crate::dynamics::{BadParams, LaneDynamics};
 
     /// Coupled pendulums, as many as there are.
     pub(crate) struct Pendulums;
 
-    impl LaneDynamics for Pendulums {
-        fn rhs(&self, t: F64x4, y: &Lanes, dy: &mut Lanes) {
+    impl<L: Several> LaneDynamics<L> for Pendulums {
+        fn rhs(&self, t: L, y: &VecState<L>, dy: &mut VecState<L>) {
             let n = y.0.len();
             for k in 0..n {
                 dy.0[k] = (y.0[(k + 1) % n] + t).sin() - (y.0[k] * y.0[(k + 2) % n]).sin();
             }
         }
-        fn energy(&self, _: F64x4, _: &Lanes) -> Option<F64x4> {
+        fn energy(&self, _: L, _: &VecState<L>) -> Option<L> {
             None
         }
-        fn write_outputs(&self, _: F64x4, _: &Lanes, _: &mut Vec<F64x4>) {}
-        fn set(&mut self, _: &[F64x4]) -> Option<Result<(), BadParams>> {
+        fn write_outputs(&self, _: L, _: &VecState<L>, _: &mut Vec<L>) {}
+        fn set(&mut self, _: &[L]) -> Option<Result<(), BadParams>> {
             None
         }
-        fn check(&self, _: F64x4, _: &Lanes) -> Result<(), Failure> {
+        fn check(&self, _: L, _: &VecState<L>) -> Result<(), Failure> {
             Ok(())
         }
-        fn domain(&self, _: F64x4, _: &Lanes) -> Result<(), Failure> {
+        fn domain(&self, _: L, _: &VecState<L>) -> Result<(), Failure> {
             Ok(())
         }
-        fn signature(&self, _: F64x4, _: &Lanes) -> F64x4 {
-            F64x4::ZERO
+        fn signature(&self, _: L, _: &VecState<L>) -> L {
+            L::ZERO
         }
-        fn pivots(&self, _: F64x4, _: &Lanes, _: &mut dyn FnMut(Pivot<F64x4>)) {}
+        fn pivots(&self, _: L, _: &VecState<L>, _: &mut dyn FnMut(Pivot<L>)) {}
     }
 
     /// Some states of a motion, and the work.
-    pub(crate) fn motion<'a, M: Method<F64x4, PreparedLanes<'a>>>(
-        system: &PreparedLanes<'a>,
+    pub(crate) fn motion<'a, L: Several, M: Method<L, PreparedLanes<'a, L>>>(
+        system: &PreparedLanes<'a, L>,
         method: M,
         n: usize,
-        options: Options<F64x4>,
-    ) -> (Vec<Vec<F64x4>>, hamel_runtime::Stats) {
-        let start = (0..n)
-            .map(|k| F64x4::new(std::array::from_fn(|l| 0.3 * (k as f64) - 0.17 * (l as f64))))
-            .collect();
-        let mut solver = Integrator::new(system, method, F64x4::ZERO, VecState(start), options).unwrap();
+        options: Options<L>,
+    ) -> (Vec<Vec<L>>, hamel_runtime::Stats) {
+        let start = (0..n).map(|k| L::gather(|l| 0.3 * (k as f64) - 0.17 * (l as f64))).collect();
+        let mut solver = Integrator::new(system, method, L::ZERO, VecState(start), options).unwrap();
         let mut states = Vec::new();
-        let times = [0.3, 0.9, 2.0].map(F64x4::splat);
-        solver.sample(F64x4::splat(2.0), times, |_, y| states.push(y.0.clone())).unwrap();
+        let times = [0.3, 0.9, 2.0].map(L::from_f64);
+        solver.sample(L::from_f64(2.0), times, |_, y| states.push(y.0.clone())).unwrap();
         (states, solver.stats())
     }
 
-    /// Whether wide sums by a tableau give the numbers of a method.
-    fn hold(n: usize, method: impl Method<F64x4, PreparedLanes<'static>>, tableau: &'static Tableau) -> bool {
-        let Some(wide) = Wide::of(tableau) else { return true };
-        let system: PreparedLanes<'static> = Box::new(Pendulums);
+    /// Whether wide sums by a tableau give the numbers of a method, in all registers.
+    fn hold<L: Several>(
+        n: usize,
+        method: impl Method<L, PreparedLanes<'static, L>>,
+        tableau: &'static Tableau,
+    ) -> bool {
+        let system: PreparedLanes<'static, L> = Box::new(Pendulums);
         let options = match tableau.estimate_order() {
-            Some(_) => Options::adaptive(F64x4::splat(1e-9), F64x4::splat(1e-11)),
-            None => Options::fixed(F64x4::splat(0.01)),
+            Some(_) => Options::adaptive(L::from_f64(1e-9), L::from_f64(1e-11)),
+            None => Options::fixed(L::from_f64(0.01)),
         };
-        motion(&system, method, n, options) == motion(&system, wide, n, options)
+        let own = motion(&system, method, n, options);
+        let holds =
+            |most| Wide::up_to(most, tableau).is_none_or(|wide| motion(&system, wide, n, options) == own);
+        [Registers::Avx, Registers::Avx512].into_iter().all(holds)
     }
 
     #[test]
@@ -185,7 +194,8 @@ pub(crate) mod tests {
                 let tableau = <$method as Method<F64x4, PreparedLanes<'static>>>::TABLEAU;
                 // Blocks of eight components, and every number behind them.
                 for n in 1..=19 {
-                    assert!(hold(n, $method, tableau), "{} with {n} components", tableau.name);
+                    assert!(hold::<F64x4>(n, $method, tableau), "{} with {n} components", tableau.name);
+                    assert!(hold::<F64x8>(n, $method, tableau), "{} with {n} components", tableau.name);
                 }
             )*};
         }
@@ -195,7 +205,7 @@ pub(crate) mod tests {
     /// A method whose tableau is another one is found.
     #[test]
     fn another_weight_is_found() {
-        if super::WideSums::of_host().is_none() {
+        if super::WideSums::up_to(Registers::Avx).is_none() {
             return;
         }
         let own = <Dopri5 as Method<F64x4, PreparedLanes<'static>>>::TABLEAU;
@@ -205,6 +215,7 @@ pub(crate) mod tests {
         weights[1].0 = own.weights[1].0;
         let mut other = *own;
         other.weights = weights.leak();
-        assert!(!hold(3, Dopri5, Box::leak(Box::new(other))));
+        let other: &'static Tableau = Box::leak(Box::new(other));
+        assert!(!hold::<F64x4>(3, Dopri5, other) && !hold::<F64x8>(3, Dopri5, other));
     }
 }

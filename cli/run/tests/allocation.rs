@@ -85,7 +85,7 @@ fn allocations_of(scene: &Built, method: MethodName, n: usize) -> usize {
         steps: Steps::Adaptive { rtol: 1e-8, atol: 1e-10, max: None },
         // A state inside of a step costs gbs14 a step, with storage of its own.
         samples: if method == MethodName::Gbs14 { 1 } else { 3 },
-        width: Width::Four,
+        width: Width::Eight,
         max_steps: None,
         watched: None,
         noise: hamel_run::noise::Noise::default(),

@@ -148,7 +148,16 @@ impl Spread {
     /// # Source
     /// Box and Muller, A note on the generation of random normal deviates (1958), for the normal distribution.
     pub fn draw(&self, center: f64, seed: u64, trajectory: usize) -> f64 {
-        let key = self.name.bytes().fold(scramble(seed), |key, byte| scramble(key ^ u64::from(byte)));
+        self.draw_by(self.key(seed), center, trajectory)
+    }
+
+    /// What draws depend on beside the centre and the number of the trajectory, for [`draw_by`](Self::draw_by).
+    pub fn key(&self, seed: u64) -> u64 {
+        self.name.bytes().fold(scramble(seed), |key, byte| scramble(key ^ u64::from(byte)))
+    }
+
+    /// [`draw`](Self::draw) by a key that is there.
+    pub fn draw_by(&self, key: u64, center: f64, trajectory: usize) -> f64 {
         let key = scramble(key ^ scramble(trajectory as u64));
         // The middle of one of 2^52 equal parts of the unit interval.
         let unit = |bits: u64| ((bits >> 12) as f64 + 0.5) / (1_u64 << 52) as f64;

@@ -20,10 +20,10 @@ use hamel_run::request::variation::{Spread, Sweep};
 /// initial state, and inputs, which are held. The rest of a state is chosen as by simulate,
 /// for each trajectory anew, so that constraints hold.
 ///
-/// Four trajectories are integrated side by side in the registers of a core (each alone through events, in closed loops
-/// and with multipliers), and the cores share the work; results depend on neither the number of threads nor --via. A
-/// trajectory that stops keeps its last state, the reason is in the column `error`, and the others go on; when none
-/// reaches the end, the exit status is 1. Integration starts at t = 0.
+/// Eight trajectories are integrated side by side in the registers of a core (each alone through events, in closed
+/// loops and with multipliers), and the cores share the work; results depend on neither the number of threads nor
+/// --via. A trajectory that stops keeps its last state, the reason is in the column `error`, and the others go on; when
+/// none reaches the end, the exit status is 1. Integration starts at t = 0.
 ///
 /// Files are written while trajectories are integrated, so that memory does not depend on their number. A store (.zarr)
 /// may be made by several processes, now or later: each takes chunks of trajectories that no other has. The bytes are

@@ -215,8 +215,11 @@ impl<'a> Plan<'a> {
         let names = self.names();
         let alike = starts.alike(&self.set, &self.given, &names);
         let alike_at_points = starts.alike(&self.set, &self.given, &self.names);
-        let place = |spread: &Spread| names.iter().position(|name| *name == spread.name);
-        let drawn_at: Vec<usize> = self.arguments.spread.iter().filter_map(place).collect();
+        let place = |spread: &Spread| {
+            let at = names.iter().position(|name| *name == spread.name)?;
+            Some((at, spread.key(self.arguments.seed)))
+        };
+        let drawn_at: Vec<(usize, u64)> = self.arguments.spread.iter().filter_map(place).collect();
         let mut drawing = Drawing {
             plan: self,
             starts,
@@ -237,13 +240,14 @@ impl<'a> Plan<'a> {
         let nominal = points.clone().into_par_iter().map(nominal).collect();
         (drawing.first_point, drawing.nominal) = (points.start, nominal);
         let block = |first: usize| {
-            let mut row = self.no_row();
-            drawing.add(&mut row, first..range.end.min(first + BLOCK), fast);
+            let own = first..range.end.min(first + BLOCK);
+            let mut row = self.room(own.len());
+            drawing.add(&mut row, own, fast);
             row
         };
         let blocks = range.clone().step_by(BLOCK).collect::<Vec<usize>>();
         let blocks: Vec<Row> = blocks.into_par_iter().map(block).collect();
-        let mut all = self.no_row();
+        let mut all = self.room(range.len());
         for Row { mut inputs, members } in blocks {
             all.inputs.append(&mut inputs);
             all.members.append(members);
@@ -251,13 +255,12 @@ impl<'a> Plan<'a> {
         all
     }
 
-    /// The starts of no trajectory.
-    fn no_row(&self) -> Row {
+    /// Room for the starts of so many trajectories.
+    fn room(&self, n: usize) -> Row {
         let n_inputs = if self.has_inputs() { self.info.inputs.len() } else { 0 };
-        Row {
-            inputs: Vec::new(),
-            members: Beginnings::none(self.info.params.len() + n_inputs, self.info.state.len()),
-        }
+        let mut members = Beginnings::none(self.info.params.len() + n_inputs, self.info.state.len());
+        members.reserve(n);
+        Row { inputs: Vec::with_capacity(n * self.names().len()), members }
     }
 
     /// The values that do not have to be drawn, by name.
@@ -289,8 +292,8 @@ struct Drawing<'p, 'a> {
     scene: &'p Built,
     /// Names of all that varies.
     names: Vec<String>,
-    /// Places among them of the drawn values.
-    drawn_at: Vec<usize>,
+    /// Places among them of the drawn values, and the keys by which these are drawn.
+    drawn_at: Vec<(usize, u64)>,
     /// Starts that are the same but for what varies, if they are.
     alike: Option<Alike>,
     first_point: usize,
@@ -368,8 +371,8 @@ impl Drawing<'_, '_> {
         values.clear();
         self.plan.add_point(k / self.plan.count(), values);
         values.resize(self.names.len(), f64::NAN);
-        for (spread, at) in self.plan.arguments.spread.iter().zip(&self.drawn_at) {
-            values[*at] = spread.draw(alike.value(*at, around), self.plan.arguments.seed, k);
+        for (spread, (at, key)) in self.plan.arguments.spread.iter().zip(&self.drawn_at) {
+            values[*at] = spread.draw_by(*key, alike.value(*at, around), k);
         }
         alike.write(values, params, state);
         true

@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 use super::arguments::Arguments;
 use super::plan::Plan;
 use crate::commands::options::{InputOptions, is_table};
-use hamel_run::ensemble::{Cancel, EnsembleRequest, Width};
+use hamel_run::ensemble::{Cancel, EnsembleRequest};
 use hamel_run::error::Error;
 use hamel_run::hash::fnv1a;
 use hamel_run::info::{Info, ParamEntry};
@@ -78,7 +78,7 @@ pub(super) fn document(
         "method": asked.method.name(),
         "steps": steps,
         "max_steps": asked.max_steps,
-        "lanes": match asked.width { Width::One => 1, Width::Four => 4 },
+        "lanes": asked.width.lanes(),
         "chunk": n_chunk,
     });
     if !info.noises.is_empty() {

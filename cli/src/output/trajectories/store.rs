@@ -290,8 +290,7 @@ impl<'a> Store<'a> {
                 self.tree(&self.folder.join(WORK)).add(chunk.at, &gathered, &put).map_err(fail)?;
             }
         }
-        let counted: Vec<u64> = results.iter().map(|r| r.steps()).collect();
-        put(steps, zarr::counts(&counted, steps.n_chunk()))?;
+        put(steps, zarr::counts(results.steps(), steps.n_chunk()))?;
         // Chunks of nothing but what stands for absent values are absent themselves.
         if !results.have_arrived() {
             let reasons = results.iter().map(|r| r.error().unwrap_or_default());
@@ -313,23 +312,15 @@ impl<'a> Store<'a> {
         let Trajectories { inputs, y, energy, stopped_t, stopped_y } = arrays;
         let (heading, results) = (&self.heading, &chunk.results);
         let n_state = heading.info.state.len();
-        let floats = |array: &Array<'_>, values: Vec<f64>| {
-            self.put_chunk(array, chunk.at, zarr::floats(&values, array.n_chunk()))
+        let floats = |array: &Array<'_>, values: &[f64]| {
+            self.put_chunk(array, chunk.at, zarr::floats(values, array.n_chunk()))
         };
         if let Some(inputs) = inputs {
-            floats(inputs, chunk.inputs.clone())?;
+            floats(inputs, &chunk.inputs)?;
         }
-        let each = || results.iter().flat_map(|r| (0..heading.times.len()).map(move |at| r.sample(at)));
-        let mut states = Vec::with_capacity(y.n_chunk());
-        for sample in each() {
-            match sample {
-                Some(sample) => states.extend_from_slice(sample.state),
-                None => states.extend(std::iter::repeat_n(f64::NAN, n_state)),
-            }
-        }
-        floats(y, states)?;
+        floats(y, &results.states())?;
         if let Some(energy) = energy {
-            floats(energy, each().map(|s| s.and_then(|s| s.energy).unwrap_or(f64::NAN)).collect())?;
+            floats(energy, &results.energies())?;
         }
         if !results.have_arrived() {
             let last = |r: Member<'_>| match (r.error(), r.last()) {
@@ -337,8 +328,8 @@ impl<'a> Store<'a> {
                 _ => (f64::NAN, vec![f64::NAN; n_state]),
             };
             let (times, states): (Vec<f64>, Vec<Vec<f64>>) = results.iter().map(last).unzip();
-            floats(stopped_t, times)?;
-            floats(stopped_y, states.concat())?;
+            floats(stopped_t, &times)?;
+            floats(stopped_y, &states.concat())?;
         }
         Ok(())
     }

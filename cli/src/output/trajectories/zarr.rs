@@ -5,6 +5,7 @@
 //! # Source
 //! Zarr core specification, version 3.1, with its codec `crc32c`; the codec `vlen-utf8` of zarr-extensions for texts.
 
+use hamel_run::bytes;
 use serde_json::{Map, Value, json};
 
 /// The document of a group or an array.
@@ -154,14 +155,12 @@ pub(crate) fn text(document: &Value) -> Vec<u8> {
 
 /// The bytes of numbers, filled up to a whole chunk.
 pub(crate) fn floats(values: &[f64], n_chunk: usize) -> Vec<u8> {
-    let rest = std::iter::repeat_n(f64::NAN, n_chunk - values.len());
-    values.iter().copied().chain(rest).flat_map(f64::to_le_bytes).collect()
+    bytes::of_floats(values, f64::NAN, n_chunk)
 }
 
 /// The bytes of counts, filled up to a whole chunk.
 pub(crate) fn counts(values: &[u64], n_chunk: usize) -> Vec<u8> {
-    let rest = std::iter::repeat_n(0, n_chunk - values.len());
-    values.iter().copied().chain(rest).flat_map(u64::to_le_bytes).collect()
+    bytes::of_counts(values, 0, n_chunk)
 }
 
 /// The bytes of codes, filled up to a whole chunk.

@@ -1,9 +1,11 @@
-//! Code on four lanes at once against the interpreter.
+//! Code on four and on eight lanes at once against the interpreter, in every kind of registers.
 
 use hamel_codegen::{scene, spec};
-use hamel_jit::Compiled;
+use hamel_jit::{Compiled, Registers};
 use hamel_program::program::{Op, Point, Program, Run, Signs};
-use hamel_runtime::F64x4;
+use hamel_runtime::{F64x4, F64x8};
+
+use crate::{Lanes, registers, splat};
 
 /// More values at once than there are registers, angles, roots, quotients and signs.
 const MANY: &str = "
@@ -28,13 +30,12 @@ fn program() -> Program {
 }
 
 /// The first result that is not that of the interpreter on `expected`, over many states.
-fn first_other(compiled: &Compiled, expected: &Program) -> Option<String> {
+fn first_other<L: Lanes>(compiled: &Compiled, expected: &Program) -> Option<String> {
     let params = [1.4, 0.35];
     let prepared = expected.prepare(&params).unwrap();
     let special =
         [0.0, -0.0, 0.7, -2.9, 35.0, 1e-310, 411_773.9, 411_774.5, -3e17, f64::INFINITY, f64::NAN, 1e200];
-    let splat = |values: &[f64]| values.iter().copied().map(F64x4::splat).collect::<Vec<F64x4>>();
-    let (wide_params, wide_prepared) = (splat(&params), splat(&prepared));
+    let (wide_params, wide_prepared) = (splat::<L>(&params), splat::<L>(&prepared));
     for (k, function) in expected.functions.iter().enumerate() {
         let n = function.results.len();
         for round in 0..special.len() * 13 {
@@ -46,12 +47,12 @@ fn first_other(compiled: &Compiled, expected: &Program) -> Option<String> {
                     usual
                 }
             };
-            let lanes = |place: usize| F64x4::new(std::array::from_fn(|lane| number(place, lane)));
-            let state: Vec<F64x4> = (1..=expected.state.len()).map(lanes).collect();
-            let mut out = vec![F64x4::splat(0.0); n];
+            let lanes = |place: usize| L::of(|lane| number(place, lane));
+            let state: Vec<L> = (1..=expected.state.len()).map(lanes).collect();
+            let mut out = vec![L::ZERO; n];
             let point = Point { t: lanes(0), state: &state, argument: &[] };
-            compiled.run_at(k, &wide_params, &wide_prepared, point, &mut out);
-            for lane in 0..F64x4::LANES {
+            Run::<L>::run_at(compiled, k, &wide_params, &wide_prepared, point, &mut out);
+            for lane in 0..L::WIDTH {
                 let state: Vec<f64> = state.iter().map(|x| x.lane(lane)).collect();
                 let mut own = vec![0.0; n];
                 expected.run_at(
@@ -74,18 +75,43 @@ fn first_other(compiled: &Compiled, expected: &Program) -> Option<String> {
     None
 }
 
+/// Code for some registers at most.
+fn compiled(program: &Program, most: Registers) -> Compiled {
+    Compiled::new(program).unwrap().with_registers_up_to(most)
+}
+
 #[test]
 fn every_lane_has_the_bits_of_the_interpreter() {
     let program = program();
-    let compiled = Compiled::new(&program).unwrap();
-    let n = program.functions.len();
-    assert!((1..n).all(|k| compiled.is_wide(k) == compiled.is_wide(0)), "all or none, by the processor");
-    assert_eq!(first_other(&compiled, &program), None);
+    for most in registers() {
+        let compiled = compiled(&program, most);
+        let has_code = most >= Registers::Avx2 && cfg!(not(windows));
+        for k in 0..program.functions.len() {
+            assert_eq!(compiled.is_wide::<F64x4>(k), has_code, "all or none, by the registers");
+            assert_eq!(compiled.is_wide::<F64x8>(k), has_code, "all or none, by the registers");
+        }
+        assert_eq!(first_other::<F64x4>(&compiled, &program), None, "{most:?}");
+        assert_eq!(first_other::<F64x8>(&compiled, &program), None, "{most:?}");
+    }
 }
 
 /// Values that are kept for the end take more than a page of the stack.
 #[test]
 fn a_frame_of_several_pages_is_touched_page_by_page() {
+    fn holds<L: Lanes>(compiled: &Compiled, program: &Program, state: &[f64]) {
+        let prepared = program.prepare(&[0.3, 1.0]).unwrap();
+        for (k, function) in program.functions.iter().enumerate() {
+            let mut own = vec![0.0; function.results.len()];
+            program.run_at(k, &[0.3, 1.0], &prepared, Point { t: 0.5, state, argument: &[] }, &mut own);
+            let mut out = vec![L::from_f64(f64::NAN); own.len()];
+            let state = splat::<L>(state);
+            let point = Point { t: L::from_f64(0.5), state: &state, argument: &[] };
+            Run::<L>::run_at(compiled, k, &splat(&[0.3, 1.0]), &splat(&prepared), point, &mut out);
+            for lane in 0..L::WIDTH {
+                assert!(out.iter().zip(&own).all(|(found, own)| found.lane(lane).to_bits() == own.to_bits()));
+            }
+        }
+    }
     let n = 95;
     let product = |k: usize| format!("(x{k} - k*x{})", k % n + 1);
     let all: Vec<String> = (1..=n).map(product).collect();
@@ -98,18 +124,11 @@ fn a_frame_of_several_pages_is_touched_page_by_page() {
     );
     let model = spec::parse("wide.hamel", &text).unwrap_or_else(|e| panic!("{e}"));
     let program = scene::build(&model, "default").unwrap_or_else(|e| panic!("{e}")).into_program();
-    let compiled = Compiled::new(&program).unwrap();
-    let prepared = program.prepare(&[0.3, 1.0]).unwrap();
-    let splat = |values: &[f64]| values.iter().copied().map(F64x4::splat).collect::<Vec<F64x4>>();
     let state: Vec<f64> = (0..2 * n).map(|k| (k as f64).sin()).collect();
-    for (k, function) in program.functions.iter().enumerate() {
-        let mut own = vec![0.0; function.results.len()];
-        program.run_at(k, &[0.3, 1.0], &prepared, Point { t: 0.5, state: &state, argument: &[] }, &mut own);
-        let mut out = splat(&own);
-        out.fill(F64x4::splat(f64::NAN));
-        let point = Point { t: F64x4::splat(0.5), state: &splat(&state)[..], argument: &[] };
-        compiled.run_at(k, &splat(&[0.3, 1.0]), &splat(&prepared), point, &mut out);
-        assert!(out.iter().zip(&own).all(|(found, own)| found.lane(3).to_bits() == own.to_bits()));
+    for most in registers() {
+        let compiled = compiled(&program, most);
+        holds::<F64x4>(&compiled, &program, &state);
+        holds::<F64x8>(&compiled, &program, &state);
     }
 }
 
@@ -131,7 +150,9 @@ fn most_planted_faults_are_found() {
                 _ => continue,
             }
             let compiled = Compiled::new(&other).unwrap();
-            n_found += usize::from(first_other(&compiled, &program).is_some());
+            let of_four = first_other::<F64x4>(&compiled, &program).is_some();
+            assert_eq!(first_other::<F64x8>(&compiled, &program).is_some(), of_four);
+            n_found += usize::from(of_four);
             n_all += 1;
         }
     }
