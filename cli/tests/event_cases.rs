@@ -160,7 +160,7 @@ fn options_of_the_command_give_what_json_gives() {
     assert_eq!(names, ["right", "up"]);
     for (bad, message) in [
         (&["--max-step", "0"][..], "--max-step is 0.0: give a positive, finite time"),
-        (&["--max-step=-1"], "--max-step is -1.0: give a positive, finite time"),
+        (&["--max-step", "-1"], "--max-step is -1.0: give a positive, finite time"),
         (&["--max-step", "nan"], "is not a finite number"),
         (&["--max-step", "1", "--step", "0.1"], "--max-step is given together with a fixed step"),
         (&["--max-step", "1e-12"], "max_step 1e-12 is too small for t_final = 3.0"),

@@ -3,7 +3,7 @@
     pip install heyoka==7.13.2 exudyn==1.13.6
     python tests/peers/problems.py HAMEL
 
-HAMEL is the program, built for release; models are those of `models/shelf`. Every row is the least time of several
+HAMEL is the program, built for release; models are on the shelf, `models/shelf`. Every row is the least time of several
 runs in turn. hamel's time is what `hamel simulate` prints, the compilation in memory included; that of heyoka's steps
 and of Exudyn's assembly is left out.
 """

@@ -120,7 +120,7 @@ pub struct NoiseOptions {
     pub noise_path: Option<u32>,
     /// Grid on which increments of noises are drawn, a whole part of the step or a multiple: with the same grid all
     /// steps have the same path [default: the step]
-    #[arg(long, value_name = "H", value_parser = duration)]
+    #[arg(long, value_name = "H", allow_negative_numbers = true, value_parser = duration)]
     pub noise_step: Option<f64>,
 }
 
@@ -166,17 +166,17 @@ pub struct MotionOptions {
     #[arg(long, value_enum)]
     pub method: Option<MethodName>,
     /// Relative tolerance [default: 1e-10]
-    #[arg(long, value_parser = finite)]
+    #[arg(long, allow_negative_numbers = true, value_parser = finite)]
     pub rtol: Option<f64>,
     /// Absolute tolerance [default: 1e-12]: errors below it do not count, so take less, or 0, for motions of less than
     /// atol/rtol
-    #[arg(long, value_parser = finite)]
+    #[arg(long, allow_negative_numbers = true, value_parser = finite)]
     pub atol: Option<f64>,
     /// Fixed step size instead of tolerances
-    #[arg(long, value_name = "H", value_parser = finite)]
+    #[arg(long, value_name = "H", allow_negative_numbers = true, value_parser = finite)]
     pub step: Option<f64>,
     /// Largest step where tolerances choose steps
-    #[arg(long, value_name = "H", value_parser = finite)]
+    #[arg(long, value_name = "H", allow_negative_numbers = true, value_parser = finite)]
     pub max_step: Option<f64>,
     /// Largest number of steps, rejected ones included [default: 50000000, with fixed steps 1000000000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]

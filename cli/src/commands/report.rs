@@ -62,10 +62,23 @@ pub struct Arguments {
     #[arg(long)]
     pub no_run: bool,
     /// Time of the motion, from 0
-    #[arg(long, value_name = "T", default_value_t = 10.0, value_parser = duration, conflicts_with = "no_run")]
+    #[arg(
+        long,
+        value_name = "T",
+        default_value_t = 10.0,
+        allow_negative_numbers = true,
+        value_parser = duration,
+        conflicts_with = "no_run",
+    )]
     pub t_final: f64,
     /// Size of the steps of a fluid that is moved as products of matrices
-    #[arg(long, value_name = "H", value_parser = duration, conflicts_with = "no_run")]
+    #[arg(
+        long,
+        value_name = "H",
+        allow_negative_numbers = true,
+        value_parser = duration,
+        conflicts_with = "no_run",
+    )]
     pub step: Option<f64>,
 }
 

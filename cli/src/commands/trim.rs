@@ -61,7 +61,13 @@ pub struct Arguments {
     pub t: Option<f64>,
     /// A periodic orbit instead, about so long: a motion that comes back, up to drifts along symmetries and full turns
     /// of angles, with Floquet's multipliers; events happen on the way
-    #[arg(long, value_name = "T", value_parser = duration, conflicts_with_all = ["along", "free", "t"])]
+    #[arg(
+        long,
+        value_name = "T",
+        allow_negative_numbers = true,
+        value_parser = duration,
+        conflicts_with_all = ["along", "free", "t"],
+    )]
     pub period: Option<f64>,
     /// A family: a parameter, an input, a component, an invariant or an output, from one value to another
     #[arg(long, value_name = "NAME=FROM..TO", value_parser = way)]

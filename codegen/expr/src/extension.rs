@@ -2,10 +2,11 @@
 //! the field has a root.
 //!
 //! Of `n` roots that nothing ties to each other, all exist in the field itself at one point of `2^n`. Minus one is no
-//! square there, so that `sqrt(a) = i sqrt(-a)` where `a` is none, and sums, products and powers of these are `x + i y`.
-//! As with the [values](super::fingerprint) in the field, an expression that vanishes has the value zero, and a value
-//! other than zero proves that it does not, unless what stands behind it is in doubt. Two different functions of total
-//! degree `d` agree at a random point, with random signs of the roots, with probability at most `d/p`.
+//! square there: `sqrt(a) = i sqrt(-a)` where `a` has no root, and sums, products and powers of these are `x + i y`.
+//! Roots of such numbers are there at every second point. As with [values](super::fingerprint) in the field, an
+//! expression that vanishes has the value zero, and a value other than zero proves that it does not, unless an operand
+//! is in doubt. Two different functions of total degree `d` agree at a random point, with random signs of the roots,
+//! with probability at most `d/p`.
 //!
 //! Functions have values here where their arguments are in the field. Does not know: signs, verdicts.
 
@@ -25,7 +26,7 @@ const EXTENDED: usize = 6;
 const MAX_ROOTS: u32 = 8;
 
 impl Arena {
-    /// Values at some of the further points; none if they are too much work.
+    /// Values at some of the further points, unless they are too much work.
     pub(super) fn extended_values(&self, e: ExprId) -> Option<Vec<Option<Point>>> {
         let all = self.all_behind(e, |_| false)?;
         let value = |point: usize| {
@@ -40,7 +41,7 @@ impl Arena {
         Some((POINTS..POINTS + EXTENDED).map(value).collect())
     }
 
-    /// The value of a node at a point, from those of what is behind it.
+    /// The value of a node at a point, from values of its operands.
     fn extended(&self, node: &Node, point: usize, at: &dyn Fn(ExprId) -> Option<Point>) -> Option<Point> {
         match node {
             Node::Symbol(s) if let Some(definition) = self.definition(*s) => at(definition),
