@@ -65,7 +65,7 @@ pub const INITIAL: [f64; 6] = [0.3, 0.8, -6.0, 0.8, 0.0, 0.6];
 ///
 /// Held to its definition at 3 points: 8 functions.
 ///
-/// Function `multipliers` has rounding errors of up to 6e5 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `multipliers` has rounding errors of up to 2e5 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
 /// # State
 ///
@@ -81,31 +81,32 @@ pub const INITIAL: [f64; 6] = [0.3, 0.8, -6.0, 0.8, 0.0, 0.6];
 pub struct Prepared<R = f64> {
     I1: R, I3: R,
     c0: R, // m * (r * r) * (I1 - I3) / (I1 * (I1 + m * (r * r)))
-    c1: R, // 0.5 * g / r
-    c2: R, // 2 * I1 * m * (r * r) / (I1 * (I1 + m * (r * r)))
-    c3: R, // I1 * (I1 - I3) / (I1 * (I1 + m * (r * r)))
-    c4: R, // -(I1 / (m * (r * r)))
-    c5: R, // -(m * (r * r) / (I3 + m * (r * r)))
-    c6: R, // m * (r * r)
-    c7: R, // 0.5 * (I3 + m * (r * r))
-    c8: R, // 0.5 * I1
-    c9: R, // m * r * g
-    c10: R, // m * r
-    c11: R, // m * m * (r * r * r) / (I3 + m * (r * r))
-    c12: R, // g / r
-    c13: R, // -(2 * I1 * (m * m) * (r * r) * g / (I1 * (I1 + m * (r * r))))
-    c14: R, // m * r * (I1 - I3 - m * (r * r)) / (I1 + m * (r * r))
-    c15: R, // I1 * (m * m) * (r * r * r) / (I1 * (I1 + m * (r * r)))
+    c1: R, // I1 * (I1 - I3) / (I1 * (I1 + m * (r * r)))
+    c2: R, // 0.5 * g / r
+    c3: R, // 2 * I1 * m * (r * r) / (I1 * (I1 + m * (r * r)))
+    c4: R, // -(m * (r * r) / (I3 + m * (r * r)))
+    c5: R, // m * (r * r)
+    c6: R, // 0.5 * (I3 + m * (r * r))
+    c7: R, // 0.5 * I1
+    c8: R, // m * r * g
+    c9: R, // m * r
+    c10: R, // m * (r * r) / (I3 + m * (r * r))
+    c11: R, // (I3 + m * (r * r)) / r
+    c12: R, // I1 * (m * m) * (r * r) * g / (I1 * (I1 + m * (r * r)))
+    c13: R, // m * r * (I3 + m * (r * r)) / (I1 + m * (r * r))
+    c14: R, // -(2 * I1 * (m * m) * (r * r) * g / (I1 * (I1 + m * (r * r))))
+    c15: R, // (I3 + m * (r * r)) * (I1 - I3 - m * (r * r)) / (r * (I1 + m * (r * r)))
     c16: R, // I1 * m * r / (I1 + m * (r * r))
     A_Omega3_Omega3: R, // I3 + m * (r * r)
     c17: R, // I1 - I3
+    c18: R, // g / r
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 4 additions, 24 multiplications, 12 divisions, 3 sign changes.
+    /// Operations: 4 additions, 25 multiplications, 12 divisions, 2 sign changes.
     ///
     /// # Errors
     ///
@@ -120,20 +121,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_det = I1 * t3;
         let t4 = R::from_f64(2.0) * I1;
         let A_Omega3_Omega3 = I3 + t1;
-        let t5 = m * r;
-        let t6 = m * m;
-        let t7 = t0 * r;
+        let t5 = t1 / A_Omega3_Omega3;
+        let t6 = m * r;
+        let t7 = m * m;
         ::hamel_runtime::ParamError::require(I1.all_gt(R::ZERO), "I1 > 0", "")?;
         ::hamel_runtime::ParamError::require(I3.all_gt(R::ZERO), "I3 > 0", "")?;
         ::hamel_runtime::ParamError::require(m.all_gt(R::ZERO), "m > 0", "")?;
         ::hamel_runtime::ParamError::require(r.all_gt(R::ZERO), "r > 0", "")?;
         Ok(Self {
-            I1, I3, c0: t1 * t2 / A_det, c1: R::from_f64(0.5) * g / r, c2: t4 * m * t0 / A_det, c3: I1 * t2 / A_det,
-            c4: -(I1 / t1), c5: -(t1 / A_Omega3_Omega3), c6: t1,
-            c7: R::from_f64(0.5) * A_Omega3_Omega3,
-            c8: R::from_f64(0.5) * I1, c9: t5 * g, c10: t5, c11: t6 * t7 / A_Omega3_Omega3, c12: g / r,
-            c13: -(t4 * t6 * t0 * g / A_det),
-            c14: t5 * (t2 - t1) / t3, c15: I1 * t6 * t7 / A_det, c16: I1 * m * r / t3, A_Omega3_Omega3, c17: t2,
+            I1, I3, c0: t1 * t2 / A_det, c1: I1 * t2 / A_det, c2: R::from_f64(0.5) * g / r, c3: t4 * m * t0 / A_det,
+            c4: -t5, c5: t1,
+            c6: R::from_f64(0.5) * A_Omega3_Omega3,
+            c7: R::from_f64(0.5) * I1, c8: t6 * g, c9: t6, c10: t5, c11: A_Omega3_Omega3 / r,
+            c12: I1 * t7 * t0 * g / A_det, c13: t6 * A_Omega3_Omega3 / t3,
+            c14: -(t4 * t7 * t0 * g / A_det),
+            c15: A_Omega3_Omega3 * (t2 - t1) / (r * t3),
+            c16: I1 * m * r / t3, A_Omega3_Omega3, c17: t2, c18: g / r,
         })
     }
 
@@ -154,13 +157,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = fma(Gamma2, Gamma2, Gamma1 * Gamma1).sqrt().recip();
         let t1 = t0 * t0;
         let t2 = dot_Gamma3 * t1;
-        let t3 = self.c0 * Omega3;
-        let t4 = Omega1 * Gamma1;
-        let t5 = Omega2 * Gamma2;
-        let t6 = fma(t1, fma(R::from_f64(0.5), fma(t5, t5, t4 * t4), t4 * t5) * t0, self.c1) * (self.c2 * Gamma3 * t0);
-        let dot_Omega1 = fma(-Gamma2, t6, fma(t2, Gamma1 * t3, self.c3 * Omega3 * Omega2));
-        let dot_Omega2 = fma(Gamma1, t6, t3 * fma(Gamma2, t2, self.c4 * Omega1));
-        let dot_Omega3 = t2 * (self.c5 * (t4 + t5));
+        let t3 = t2 * (self.c0 * Omega3);
+        let t4 = self.c1 * Omega3;
+        let t5 = Omega1 * Gamma1;
+        let t6 = Omega2 * Gamma2;
+        let t7 = fma(t1, fma(R::from_f64(0.5), fma(t6, t6, t5 * t5), t5 * t6) * t0, self.c2) * (self.c3 * Gamma3);
+        let dot_Omega1 = fma(-t7, Gamma2 * t0, fma(Gamma1, t3, Omega2 * t4));
+        let dot_Omega2 = fma(t7, Gamma1 * t0, fma(Gamma2, t3, -(Omega1 * t4)));
+        let dot_Omega3 = t2 * (self.c4 * (t5 + t6));
         let dot_Gamma1 = fma(-Omega2, Gamma3, Omega3 * Gamma2);
         let dot_Gamma2 = fma(-Omega3, Gamma1, Omega1 * Gamma3);
         *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_Gamma1, dot_Gamma2, dot_Gamma3];
@@ -177,29 +181,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = fma(Gamma2, Gamma2, Gamma1 * Gamma1);
         let t1 = Omega1 * Gamma2;
         let t2 = Omega2 * Gamma1;
-        let t3 = fma(self.c8, fma(Omega2, Omega2, Omega1 * Omega1), fma(self.c7, Omega3 * Omega3, -(self.c6 / t0 * fma(-R::from_f64(0.5), t2 * t2, t1 * fma(-t1, R::from_f64(0.5), t2)))));
-        fma(self.c9, t0.sqrt(), t3)
+        let t3 = fma(self.c7, fma(Omega2, Omega2, Omega1 * Omega1), fma(self.c6, Omega3 * Omega3, -(self.c5 / t0 * fma(-R::from_f64(0.5), t2 * t2, t1 * fma(-t1, R::from_f64(0.5), t2)))));
+        fma(self.c8, t0.sqrt(), t3)
     }
 
     /// Momenta p = dL/dy.
     ///
     /// Components: `[p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3]`.
     ///
-    /// Operations: 2 additions, 11 multiplications (2 fused), 1 division, 1 sign change, 1 square root.
+    /// Operations: 2 additions, 14 multiplications (2 fused), 1 division, 1 sign change, 1 square root.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 6]) -> [R; 6] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        let t0 = self.c10 / fma(Gamma2, Gamma2, Gamma1 * Gamma1).sqrt();
-        let t1 = Omega3 * t0;
+        let t0 = self.c9 * Omega3;
+        let t1 = fma(Gamma2, Gamma2, Gamma1 * Gamma1).sqrt().recip();
         [
             self.I1 * Omega1,
             self.I1 * Omega2,
             self.I3 * Omega3,
-            -(Gamma2 * t1),
-            Gamma1 * t1,
-            t0 * fma(Omega1, Gamma2, -(Omega2 * Gamma1)),
+            -(t1 * (Gamma2 * t0)),
+            t1 * (Gamma1 * t0),
+            t1 * (self.c9 * fma(Omega1, Gamma2, -(Omega2 * Gamma1))),
         ]
     }
 
@@ -207,32 +211,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// Components: `[lambda_c1, lambda_c2, lambda_c3]`.
     ///
-    /// Operations: 15 additions, 41 multiplications (13 fused), 1 division, 1 square root.
+    /// Operations: 15 additions, 43 multiplications (14 fused), 1 division, 1 square root.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        let t0 = fma(-Omega1, Gamma2, Omega2 * Gamma1);
-        let t1 = Gamma1 * Gamma1;
-        let t2 = Gamma2 * Gamma2;
-        let t3 = (t1 + t2).sqrt().recip();
-        let t4 = t3 * t3;
-        let t5 = t4 * t3;
-        let t6 = Omega1 * Gamma1;
-        let t7 = Omega2 * Gamma2;
-        let t8 = t6 + t7;
-        let t9 = t5 * (self.c11 * t8);
-        let t10 = self.c10 * t3;
-        let t11 = Omega3 * t8;
-        let t12 = Gamma3 * t5;
-        let t13 = t12 * (self.c10 * t11);
-        let t14 = t11 * t3;
-        let t15 = fma(self.c15 * fma(R::from_f64(2.0) * t2, fma(t2, R::from_f64(0.5), t1), t1 * t1) * (t4 * t4), fma(Gamma3, self.c12, t14), fma(t14, self.c14, self.c13 * Gamma3));
+        let t0 = Omega1 * Gamma1;
+        let t1 = Omega2 * Gamma2;
+        let t2 = fma(t1, self.c10, self.c10 * t0);
+        let t3 = Gamma1 * Gamma1;
+        let t4 = Gamma2 * Gamma2;
+        let t5 = (t3 + t4).sqrt().recip();
+        let t6 = t5 * t5;
+        let t7 = t6 * t5;
+        let t8 = t2 * t7;
+        let t9 = self.c9 * fma(-Omega1, Gamma2, Omega2 * Gamma1);
+        let t10 = Omega3 * t2;
+        let t11 = Gamma3 * t7;
+        let t12 = t11 * (self.c11 * t10);
         [
-            fma(-Gamma1, t13, t0 * fma(Gamma2, t9, -(Omega2 * t10))),
-            fma(-Gamma2, t13, -(t0 * fma(Gamma1, t9, -(Omega1 * t10)))),
-            fma(t12, self.c16 * fma(t6, fma(t7, R::from_f64(2.0), t6), Omega2 * Omega2 * t2), t15),
+            fma(-Gamma1, t12, fma(Gamma2, t8, -(Omega2 * t5)) * t9),
+            fma(-Gamma2, t12, -(t9 * fma(Gamma1, t8, -(Omega1 * t5)))),
+            fma(t11, self.c16 * fma(R::from_f64(2.0) * t0, fma(t0, R::from_f64(0.5), t1), Omega2 * Omega2 * t4), fma(fma(t4, fma(t3, R::from_f64(2.0), t4), t3 * t3) * fma(t5, self.c13 * t10, self.c12 * Gamma3), t6 * t6, fma(t5, self.c15 * t10, self.c14 * Gamma3))),
         ]
     }
 
@@ -246,7 +247,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        let t0 = self.c6 * fma(-Omega1, Gamma2, Omega2 * Gamma1) / fma(Gamma2, Gamma2, Gamma1 * Gamma1);
+        let t0 = self.c5 * fma(-Omega1, Gamma2, Omega2 * Gamma1) / fma(Gamma2, Gamma2, Gamma1 * Gamma1);
         [fma(-Gamma2, t0, self.I1 * Omega1), fma(Gamma1, t0, self.I1 * Omega2), self.A_Omega3_Omega3 * Omega3]
     }
 
@@ -254,7 +255,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// Components: `[dot_J_Omega1, dot_J_Omega2, dot_J_Omega3]`.
     ///
-    /// Operations: 9 additions, 25 multiplications (9 fused), 1 division, 1 sign change, 1 square root.
+    /// Operations: 9 additions, 26 multiplications (9 fused), 1 division, 1 sign change, 1 square root.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 6]) -> [R; 3] {
@@ -263,11 +264,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = fma(Omega2, Gamma2, Omega1 * Gamma1);
         let t1 = fma(Gamma2, Gamma2, Gamma1 * Gamma1).sqrt().recip();
         let t2 = t1 * t1;
-        let t3 = t2 * (self.c6 * fma(-Omega1, Gamma2, Omega2 * Gamma1));
+        let t3 = t2 * (self.c5 * fma(-Omega1, Gamma2, Omega2 * Gamma1));
         let t4 = fma(-t2, Gamma3 * t0, Omega3) * t3;
         let t5 = self.c17 * Omega3;
-        let t6 = self.c6 * t1 * fma(t1, Omega3 * t0, self.c12 * Gamma3);
-        [fma(Gamma1, t4, fma(-Gamma2, t6, Omega2 * t5)), fma(Gamma2, t4, fma(Gamma1, t6, -(Omega1 * t5))), -(t0 * t3)]
+        let t6 = self.c5 * fma(t1, Omega3 * t0, self.c18 * Gamma3);
+        [
+            fma(Gamma1, t4, fma(-t6, Gamma2 * t1, Omega2 * t5)),
+            fma(Gamma2, t4, fma(t6, Gamma1 * t1, -(Omega1 * t5))),
+            -(t0 * t3),
+        ]
     }
 
     /// Conserved quantities.
@@ -312,6 +317,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[6] {
     I1, I3, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, A_Omega3_Omega3, c17,
+    c18,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

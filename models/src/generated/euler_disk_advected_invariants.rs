@@ -65,7 +65,7 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 8] = [(0, 3), (0, 4), (0
 ///
 /// Held to its definition at 3 points: 5 functions.
 ///
-/// Function `invariant_gradients` has rounding errors of up to 2e5 times what rounding the inputs does; a scene that wants `digits` keeps them.
+/// Function `invariant_gradients` has rounding errors of up to 4e5 times what rounding the inputs does; a scene that wants `digits` keeps them.
 ///
 /// # State
 ///
@@ -81,24 +81,23 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 8] = [(0, 3), (0, 4), (0
 pub struct Prepared<R = f64> {
     I1: R,
     c0: R, // m * (r * r) * (I1 - I3) / (I1 * (I1 + m * (r * r)))
-    c1: R, // 0.5 * g / r
-    c2: R, // 2 * I1 * m * (r * r) / (I1 * (I1 + m * (r * r)))
-    c3: R, // I1 * (I1 - I3) / (I1 * (I1 + m * (r * r)))
-    c4: R, // -(I1 / (m * (r * r)))
-    c5: R, // -(m * (r * r) / (I3 + m * (r * r)))
-    c6: R, // m * (r * r)
-    c7: R, // 0.5 * (I3 + m * (r * r))
-    c8: R, // 0.5 * I1
-    c9: R, // m * r * g
+    c1: R, // I1 * (I1 - I3) / (I1 * (I1 + m * (r * r)))
+    c2: R, // 0.5 * g / r
+    c3: R, // 2 * I1 * m * (r * r) / (I1 * (I1 + m * (r * r)))
+    c4: R, // -(m * (r * r) / (I3 + m * (r * r)))
+    c5: R, // m * (r * r)
+    c6: R, // 0.5 * (I3 + m * (r * r))
+    c7: R, // 0.5 * I1
+    c8: R, // m * r * g
     A_Omega3_Omega3: R, // I3 + m * (r * r)
-    c10: R, // 2 * m * (r * r)
+    c9: R, // 2 * m * (r * r)
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 3 additions, 15 multiplications, 6 divisions, 2 sign changes.
+    /// Operations: 3 additions, 15 multiplications, 5 divisions, 1 sign change.
     ///
     /// # Errors
     ///
@@ -116,11 +115,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ::hamel_runtime::ParamError::require(m.all_gt(R::ZERO), "m > 0", "")?;
         ::hamel_runtime::ParamError::require(r.all_gt(R::ZERO), "r > 0", "")?;
         Ok(Self {
-            I1, c0: t1 * t2 / A_det, c1: R::from_f64(0.5) * g / r,
-            c2: R::from_f64(2.0) * I1 * m * t0 / A_det,
-            c3: I1 * t2 / A_det, c4: -(I1 / t1), c5: -(t1 / A_Omega3_Omega3), c6: t1,
-            c7: R::from_f64(0.5) * A_Omega3_Omega3,
-            c8: R::from_f64(0.5) * I1, c9: m * r * g, A_Omega3_Omega3, c10: R::from_f64(2.0) * m * t0,
+            I1, c0: t1 * t2 / A_det, c1: I1 * t2 / A_det, c2: R::from_f64(0.5) * g / r,
+            c3: R::from_f64(2.0) * I1 * m * t0 / A_det,
+            c4: -(t1 / A_Omega3_Omega3), c5: t1,
+            c6: R::from_f64(0.5) * A_Omega3_Omega3,
+            c7: R::from_f64(0.5) * I1, c8: m * r * g, A_Omega3_Omega3, c9: R::from_f64(2.0) * m * t0,
         })
     }
 
@@ -141,13 +140,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = fma(Gamma2, Gamma2, Gamma1 * Gamma1).sqrt().recip();
         let t1 = t0 * t0;
         let t2 = dot_Gamma3 * t1;
-        let t3 = self.c0 * Omega3;
-        let t4 = Omega1 * Gamma1;
-        let t5 = Omega2 * Gamma2;
-        let t6 = fma(t1, fma(R::from_f64(0.5), fma(t5, t5, t4 * t4), t4 * t5) * t0, self.c1) * (self.c2 * Gamma3 * t0);
-        let dot_Omega1 = fma(-Gamma2, t6, fma(t2, Gamma1 * t3, self.c3 * Omega3 * Omega2));
-        let dot_Omega2 = fma(Gamma1, t6, t3 * fma(Gamma2, t2, self.c4 * Omega1));
-        let dot_Omega3 = t2 * (self.c5 * (t4 + t5));
+        let t3 = t2 * (self.c0 * Omega3);
+        let t4 = self.c1 * Omega3;
+        let t5 = Omega1 * Gamma1;
+        let t6 = Omega2 * Gamma2;
+        let t7 = fma(t1, fma(R::from_f64(0.5), fma(t6, t6, t5 * t5), t5 * t6) * t0, self.c2) * (self.c3 * Gamma3);
+        let dot_Omega1 = fma(-t7, Gamma2 * t0, fma(Gamma1, t3, Omega2 * t4));
+        let dot_Omega2 = fma(t7, Gamma1 * t0, fma(Gamma2, t3, -(Omega1 * t4)));
+        let dot_Omega3 = t2 * (self.c4 * (t5 + t6));
         let dot_Gamma1 = fma(-Omega2, Gamma3, Omega3 * Gamma2);
         let dot_Gamma2 = fma(-Omega3, Gamma1, Omega1 * Gamma3);
         *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_Gamma1, dot_Gamma2, dot_Gamma3];
@@ -164,8 +164,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = fma(Gamma2, Gamma2, Gamma1 * Gamma1);
         let t1 = Omega1 * Gamma2;
         let t2 = Omega2 * Gamma1;
-        let t3 = fma(self.c8, fma(Omega2, Omega2, Omega1 * Omega1), fma(self.c7, Omega3 * Omega3, -(self.c6 / t0 * fma(-R::from_f64(0.5), t2 * t2, t1 * fma(-t1, R::from_f64(0.5), t2)))));
-        fma(self.c9, t0.sqrt(), t3)
+        let t3 = fma(self.c7, fma(Omega2, Omega2, Omega1 * Omega1), fma(self.c6, Omega3 * Omega3, -(self.c5 / t0 * fma(-R::from_f64(0.5), t2 * t2, t1 * fma(-t1, R::from_f64(0.5), t2)))));
+        fma(self.c8, t0.sqrt(), t3)
     }
 
     /// Functions of time and state that are constant along every motion.
@@ -181,8 +181,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = fma(Gamma2, Gamma2, Gamma1 * Gamma1);
         let t1 = Omega1 * Gamma2;
         let t2 = Omega2 * Gamma1;
-        let t3 = fma(self.c8, fma(Omega2, Omega2, Omega1 * Omega1), fma(self.c7, Omega3 * Omega3, -(self.c6 / t0 * fma(-R::from_f64(0.5), t2 * t2, t1 * fma(-t1, R::from_f64(0.5), t2)))));
-        [fma(Gamma3, Gamma3, t0), fma(self.c9, t0.sqrt(), t3)]
+        let t3 = fma(self.c7, fma(Omega2, Omega2, Omega1 * Omega1), fma(self.c6, Omega3 * Omega3, -(self.c5 / t0 * fma(-R::from_f64(0.5), t2 * t2, t1 * fma(-t1, R::from_f64(0.5), t2)))));
+        [fma(Gamma3, Gamma3, t0), fma(self.c8, t0.sqrt(), t3)]
     }
 
     /// Entries of the gradients of the invariants that do not vanish identically, row by row.
@@ -194,7 +194,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      d_energy_d_Omega3, d_energy_d_Gamma1, d_energy_d_Gamma2]
     /// ```
     ///
-    /// Operations: 9 additions, 27 multiplications (8 fused), 1 division, 1 square root.
+    /// Operations: 9 additions, 28 multiplications (8 fused), 1 division, 1 square root.
     #[inline]
     #[must_use]
     pub fn invariant_gradients_nonzeros(&self, t: R, y: &[R; 6]) -> [R; 8] {
@@ -204,12 +204,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = Omega1 * Gamma2;
         let t2 = fma(Gamma2, Gamma2, Gamma1 * Gamma1).sqrt().recip();
         let t3 = t2 * t2;
-        let t4 = t3 * (self.c6 * (t0 - t1));
-        let t5 = fma(t3, fma(-R::from_f64(0.5), fma(t1, t1, t0 * t0), t0 * t1) * t2, self.c1) * (self.c10 * t2);
+        let t4 = t3 * (self.c5 * (t0 - t1));
+        let t5 = self.c9 * fma(t3, fma(-R::from_f64(0.5), fma(t1, t1, t0 * t0), t0 * t1) * t2, self.c2);
         [
             R::from_f64(2.0) * Gamma1, R::from_f64(2.0) * Gamma2, R::from_f64(2.0) * Gamma3,
             fma(-Gamma2, t4, self.I1 * Omega1), fma(Gamma1, t4, self.I1 * Omega2), self.A_Omega3_Omega3 * Omega3,
-            fma(Gamma1, t5, Omega2 * t4), fma(Gamma2, t5, -(Omega1 * t4)),
+            fma(t5, Gamma1 * t2, Omega2 * t4), fma(t5, Gamma2 * t2, -(Omega1 * t4)),
         ]
     }
 
@@ -253,9 +253,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::system!(Prepared[6] pivots);
 
-::hamel_runtime::over_scalar!(Prepared[6] {
-    I1, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, A_Omega3_Omega3, c10,
-});
+::hamel_runtime::over_scalar!(Prepared[6] { I1, c0, c1, c2, c3, c4, c5, c6, c7, c8, A_Omega3_Omega3, c9 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     ::hamel_runtime::scene!([6] conserved, outputs [10] { invariants[0..2], invariant_gradients_nonzeros[2..10], } {});

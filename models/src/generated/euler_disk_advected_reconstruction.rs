@@ -74,7 +74,7 @@ pub const INITIAL: [f64; 13] = [0.3, 0.8, -6.0, 0.8, 0.0, 0.6, 0.894427190999915
 ///
 /// Held to its definition at 3 points: 8 functions.
 ///
-/// Function `multipliers` has rounding errors of up to 7e4 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `multipliers` has rounding errors of up to 2e4 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
 /// # State
 ///
@@ -100,21 +100,24 @@ pub struct Prepared<R = f64> {
     c8: R, // 0.5 * I1
     c9: R, // m * r * g
     c10: R, // m * r
-    c11: R, // m * m * (r * r * r) / (I3 + m * (r * r))
-    c12: R, // g / r
-    c13: R, // -(2 * I1 * (m * m) * (r * r) * g / (I1 * (I1 + m * (r * r))))
-    c14: R,
-    c15: R, // I1 * (m * m) * (r * r * r) / (I1 * (I1 + m * (r * r)))
-    c16: R, // I1 * m * r / (I1 + m * (r * r))
+    c11: R, // m * (r * r) / (I3 + m * (r * r))
+    c12: R, // (I3 + m * (r * r)) / r
+    c13: R, // I1 * (m * m) * (r * r) * g / (I1 * (I1 + m * (r * r)))
+    c14: R, // m * r * (I3 + m * (r * r)) / (I1 + m * (r * r))
+    c15: R, // -(2 * I1 * (m * m) * (r * r) * g / (I1 * (I1 + m * (r * r))))
+    c16: R, // (I3 + m * (r * r)) * (I1 - I3 - m * (r * r)) / (r * (I1 + m * (r * r)))
+    c17: R, // I1 * m * r / (I1 + m * (r * r))
     A_Omega3_Omega3: R, // I3 + m * (r * r)
-    c17: R, // I1 - I3
+    c18: R, // I1 - I3
+    c19: R, // g / r
+    c20: R, // 2 * r
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 7 additions, 31 multiplications, 12 divisions, 2 sign changes.
+    /// Operations: 4 additions, 26 multiplications, 12 divisions, 2 sign changes.
     ///
     /// # Errors
     ///
@@ -129,22 +132,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_det = I1 * t3;
         let t4 = R::from_f64(2.0) * I1;
         let A_Omega3_Omega3 = I3 + t2;
-        let t5 = m * r;
-        let t6 = m * m;
-        let t7 = t1 * r;
-        let t8 = I1 * m;
+        let t5 = t2 / A_Omega3_Omega3;
+        let t6 = R::from_f64(2.0) * r;
+        let t7 = m * r;
+        let t8 = m * m;
         ::hamel_runtime::ParamError::require(I1.all_gt(R::ZERO), "I1 > 0", "")?;
         ::hamel_runtime::ParamError::require(I3.all_gt(R::ZERO), "I3 > 0", "")?;
         ::hamel_runtime::ParamError::require(m.all_gt(R::ZERO), "m > 0", "")?;
         ::hamel_runtime::ParamError::require(r.all_gt(R::ZERO), "r > 0", "")?;
         Ok(Self {
             I1, I3, r, c0: I1 * t0 / A_det, c1: t2 * t0 / A_det, c2: R::from_f64(0.5) * g / r,
-            c3: t4 * m * t1 / A_det, c4: -(t2 / A_Omega3_Omega3), c5: R::from_f64(2.0) * r, c6: t2,
+            c3: t4 * m * t1 / A_det, c4: -t5, c5: t6, c6: t2,
             c7: R::from_f64(0.5) * A_Omega3_Omega3,
-            c8: R::from_f64(0.5) * I1, c9: t5 * g, c10: t5, c11: t6 * t7 / A_Omega3_Omega3, c12: g / r,
-            c13: -(t4 * t6 * t1 * g / A_det),
-            c14: R::from_f64(2.0) * m * r - m * (r - I1 * r * t0 / A_det) - m * (r + t8 * t7 / A_det),
-            c15: I1 * t6 * t7 / A_det, c16: t8 * r / t3, A_Omega3_Omega3, c17: t0,
+            c8: R::from_f64(0.5) * I1, c9: t7 * g, c10: t7, c11: t5, c12: A_Omega3_Omega3 / r,
+            c13: I1 * t8 * t1 * g / A_det, c14: t7 * A_Omega3_Omega3 / t3,
+            c15: -(t4 * t8 * t1 * g / A_det),
+            c16: A_Omega3_Omega3 * (t0 - t2) / (r * t3),
+            c17: I1 * m * r / t3, A_Omega3_Omega3, c18: t0, c19: g / r, c20: t6,
         })
     }
 
@@ -156,7 +160,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain euler_disk_advected
     /// ```
     ///
-    /// Operations: 32 additions, 70 multiplications (31 fused), 1 division, 1 square root.
+    /// Operations: 32 additions, 73 multiplications (31 fused), 1 division, 1 square root.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, qw, qx, qy, qz, _, _, _] = *y;
@@ -170,10 +174,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t5 = self.c1 * t4;
         let t6 = Omega1 * Gamma1;
         let t7 = Omega2 * Gamma2;
-        let t8 = fma(t3, fma(R::from_f64(0.5), fma(t7, t7, t6 * t6), t6 * t7) * t2, self.c2) * (self.c3 * Gamma3 * t2);
-        let dot_Omega1 = fma(-Gamma2, t8, fma(t1, t5, Omega2 * t0));
+        let t8 = fma(t3, fma(R::from_f64(0.5), fma(t7, t7, t6 * t6), t6 * t7) * t2, self.c2) * (self.c3 * Gamma3);
+        let dot_Omega1 = fma(-t8, Gamma2 * t2, fma(t1, t5, Omega2 * t0));
         let t9 = Omega3 * Gamma2;
-        let dot_Omega2 = fma(Gamma1, t8, fma(t5, t9, -(Omega1 * t0)));
+        let dot_Omega2 = fma(t8, Gamma1 * t2, fma(t5, t9, -(Omega1 * t0)));
         let dot_Omega3 = t4 * (self.c4 * (t6 + t7));
         let dot_Gamma1 = fma(-Omega2, Gamma3, t9);
         let dot_Gamma2 = fma(Omega1, Gamma3, -t1);
@@ -184,14 +188,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let dot_qx = fma(-qz, t11, fma(qw, t10, qy * t12));
         let dot_qy = fma(-qx, t12, fma(qw, t11, qz * t10));
         let dot_qz = fma(-qy, t10, fma(qw, t12, qx * t11));
-        let t13 = self.c5 * t2;
-        let t14 = t13 * (Omega3 * fma(Gamma2, qy, Gamma1 * qx));
-        let t15 = t13 * fma(-qx, dot_Gamma3, qz * t9);
-        let t16 = t13 * fma(qy, dot_Gamma3, qz * t1);
-        let t17 = self.r * t2;
-        let dot_x1 = fma(-qw, t16, fma(qz, t15, fma(qy, t14, -(t9 * t17))));
-        let dot_x2 = fma(-qw, t15, fma(-qz, t16, fma(-qx, t14, t1 * t17)));
-        let dot_x3 = fma(-qx, t15, fma(qw, t14, fma(qy, t16, -(dot_Gamma3 * t17))));
+        let t13 = fma(Gamma2, qy, Gamma1 * qx) * (self.c5 * Omega3);
+        let t14 = fma(-qx, dot_Gamma3, qz * t9);
+        let t15 = fma(qy, dot_Gamma3, qz * t1);
+        let dot_x1 = fma(-self.r, fma(-R::from_f64(2.0), fma(-qw, t15, qz * t14), t9), qy * t13) * t2;
+        let dot_x2 = fma(self.r, fma(-R::from_f64(2.0), fma(qw, t14, qz * t15), t1), -(qx * t13)) * t2;
+        let dot_x3 = fma(-self.c20, fma(-qy, t15, fma(qx, t14, R::from_f64(0.5) * dot_Gamma3)), qw * t13) * t2;
         *dy = [
             dot_Omega1, dot_Omega2, dot_Omega3, dot_Gamma1, dot_Gamma2, dot_Gamma3, dot_qw, dot_qx, dot_qy, dot_qz,
             dot_x1, dot_x2, dot_x3,
@@ -217,21 +219,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// Components: `[p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3]`.
     ///
-    /// Operations: 2 additions, 11 multiplications (2 fused), 1 division, 1 sign change, 1 square root.
+    /// Operations: 2 additions, 14 multiplications (2 fused), 1 division, 1 sign change, 1 square root.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 13]) -> [R; 6] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        let t0 = self.c10 / fma(Gamma2, Gamma2, Gamma1 * Gamma1).sqrt();
-        let t1 = Omega3 * t0;
+        let t0 = self.c10 * Omega3;
+        let t1 = fma(Gamma2, Gamma2, Gamma1 * Gamma1).sqrt().recip();
         [
             self.I1 * Omega1,
             self.I1 * Omega2,
             self.I3 * Omega3,
-            -(Gamma2 * t1),
-            Gamma1 * t1,
-            t0 * fma(Omega1, Gamma2, -(Omega2 * Gamma1)),
+            -(t1 * (Gamma2 * t0)),
+            t1 * (Gamma1 * t0),
+            t1 * (self.c10 * fma(Omega1, Gamma2, -(Omega2 * Gamma1))),
         ]
     }
 
@@ -239,32 +241,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// Components: `[lambda_c1, lambda_c2, lambda_c3]`.
     ///
-    /// Operations: 15 additions, 41 multiplications (13 fused), 1 division, 1 square root.
+    /// Operations: 15 additions, 43 multiplications (14 fused), 1 division, 1 square root.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 13]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        let t0 = fma(-Omega1, Gamma2, Omega2 * Gamma1);
-        let t1 = Gamma1 * Gamma1;
-        let t2 = Gamma2 * Gamma2;
-        let t3 = (t1 + t2).sqrt().recip();
-        let t4 = t3 * t3;
-        let t5 = t4 * t3;
-        let t6 = Omega1 * Gamma1;
-        let t7 = Omega2 * Gamma2;
-        let t8 = t6 + t7;
-        let t9 = t5 * (self.c11 * t8);
-        let t10 = self.c10 * t3;
-        let t11 = Omega3 * t8;
-        let t12 = Gamma3 * t5;
-        let t13 = t12 * (self.c10 * t11);
-        let t14 = t11 * t3;
-        let t15 = fma(self.c15 * fma(R::from_f64(2.0) * t2, fma(t2, R::from_f64(0.5), t1), t1 * t1) * (t4 * t4), fma(Gamma3, self.c12, t14), fma(t14, self.c14, self.c13 * Gamma3));
+        let t0 = Omega1 * Gamma1;
+        let t1 = Omega2 * Gamma2;
+        let t2 = fma(t1, self.c11, self.c11 * t0);
+        let t3 = Gamma1 * Gamma1;
+        let t4 = Gamma2 * Gamma2;
+        let t5 = (t3 + t4).sqrt().recip();
+        let t6 = t5 * t5;
+        let t7 = t6 * t5;
+        let t8 = t2 * t7;
+        let t9 = self.c10 * fma(-Omega1, Gamma2, Omega2 * Gamma1);
+        let t10 = Omega3 * t2;
+        let t11 = Gamma3 * t7;
+        let t12 = t11 * (self.c12 * t10);
         [
-            fma(-Gamma1, t13, t0 * fma(Gamma2, t9, -(Omega2 * t10))),
-            fma(-Gamma2, t13, -(t0 * fma(Gamma1, t9, -(Omega1 * t10)))),
-            fma(t12, self.c16 * fma(t6, fma(t7, R::from_f64(2.0), t6), Omega2 * Omega2 * t2), t15),
+            fma(-Gamma1, t12, fma(Gamma2, t8, -(Omega2 * t5)) * t9),
+            fma(-Gamma2, t12, -(t9 * fma(Gamma1, t8, -(Omega1 * t5)))),
+            fma(t11, self.c17 * fma(R::from_f64(2.0) * t0, fma(t0, R::from_f64(0.5), t1), Omega2 * Omega2 * t4), fma(fma(t4, fma(t3, R::from_f64(2.0), t4), t3 * t3) * fma(t5, self.c14 * t10, self.c13 * Gamma3), t6 * t6, fma(t5, self.c16 * t10, self.c15 * Gamma3))),
         ]
     }
 
@@ -286,7 +285,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// Components: `[dot_J_Omega1, dot_J_Omega2, dot_J_Omega3]`.
     ///
-    /// Operations: 9 additions, 25 multiplications (9 fused), 1 division, 1 sign change, 1 square root.
+    /// Operations: 9 additions, 26 multiplications (9 fused), 1 division, 1 sign change, 1 square root.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 13]) -> [R; 3] {
@@ -297,9 +296,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = t1 * t1;
         let t3 = t2 * (self.c6 * fma(-Omega1, Gamma2, Omega2 * Gamma1));
         let t4 = fma(-t2, Gamma3 * t0, Omega3) * t3;
-        let t5 = self.c17 * Omega3;
-        let t6 = self.c6 * t1 * fma(t1, Omega3 * t0, self.c12 * Gamma3);
-        [fma(Gamma1, t4, fma(-Gamma2, t6, Omega2 * t5)), fma(Gamma2, t4, fma(Gamma1, t6, -(Omega1 * t5))), -(t0 * t3)]
+        let t5 = self.c18 * Omega3;
+        let t6 = self.c6 * fma(t1, Omega3 * t0, self.c19 * Gamma3);
+        [
+            fma(Gamma1, t4, fma(-t6, Gamma2 * t1, Omega2 * t5)),
+            fma(Gamma2, t4, fma(t6, Gamma1 * t1, -(Omega1 * t5))),
+            -(t0 * t3),
+        ]
     }
 
     /// Conserved quantities.
@@ -343,8 +346,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 ::hamel_runtime::system!(Prepared[13] pivots);
 
 ::hamel_runtime::over_scalar!(Prepared[13] {
-    I1, I3, r, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, A_Omega3_Omega3,
-    c17,
+    I1, I3, r, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17,
+    A_Omega3_Omega3, c18, c19, c20,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

@@ -102,23 +102,22 @@ pub struct Prepared<R = f64> {
     c17: R, // 1 / I2
     c18: R, // 1 / I3
     c19: R, // I1 / I2
-    c20: R, // (I1 / I3 - 1) / I2
-    c21: R, // 1 / I2 - 1 / I3
-    c22: R, // I3 / I1
-    c23: R, // (1 - I3 / I1) / I2
-    c24: R, // I1 * (1 / I2 - 1 / I3) / I3
+    c20: R, // -(I3 * (1 / I2 - 1 / I3) / I2)
+    c21: R, // I3 / (I1 * I2)
+    c22: R, // 1 / I2 - 1 / I3
+    c23: R, // (I1 / I3 - 1) / I2
+    c24: R, // (I3 / I1 - 1) / I2
     c25: R, // -(I2 * (1 / I1 - 1 / I2) / I3)
     c26: R, // (I1 / I2 - 1) / I3
     c27: R, // 1 / I1 - 1 / I3
-    c28: R, // -(1 / I1 - 1 / I2)
-    c29: R, // I1 * (I1 / I3 - 1) / (I2 * I3)
+    c28: R, // 1 / I1 - 1 / I2
+    c29: R, // I1 * (I1 / I2 - 1) / (I2 * I3)
     c30: R, // -(I1 / (I2 * I3))
-    c31: R, // I1 * (1 / I1 - 1 / I3) / I3
-    c32: R, // k * chi1 / I2
-    c33: R, // k * chi3 / I2
-    c34: R, // k * chi2 / I2
+    c31: R, // k * chi1 / I2
+    c32: R, // k * chi3 / I2
+    c33: R, // k * chi2 / I2
+    c34: R, // I1 / I3
     c35: R, // I1 / I3
-    c36: R, // I1 / I3
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
@@ -144,22 +143,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t8 = I2.recip();
         let t9 = I3.recip();
         let t10 = I1 / I2;
-        let t11 = t6 - R::ONE;
-        let t12 = t8 - t9;
-        let t13 = I3 / I1;
-        let t14 = t7 - t8;
-        let t15 = t7 - t9;
-        let t16 = I2 * I3;
+        let t11 = t8 - t9;
+        let t12 = t7 - t8;
+        let t13 = t10 - R::ONE;
+        let t14 = I2 * I3;
         ::hamel_runtime::ParamError::require(I1.all_gt(R::ZERO), "I1 > 0", "")?;
         ::hamel_runtime::ParamError::require(I2.all_gt(R::ZERO), "I2 > 0", "")?;
         ::hamel_runtime::ParamError::require(I3.all_gt(R::ZERO), "I3 > 0", "")?;
         Ok(Self {
             c0: t1, c1: t3, c2: (I1 - I2) / I2, c3: t5, c4: (I3 - I1) / I2, c5: (I2 - I3) / I2, c6: I3 / I2, c7: t6,
             c8: I2 / I3, c9: -(I2 / I1), c10: t7, c11: t2, c12: t0, c13: t4, c14: R::from_f64(0.5) * I1,
-            c15: R::from_f64(0.5) * I2, c16: R::from_f64(0.5) * I3, c17: t8, c18: t9, c19: t10, c20: t11 / I2,
-            c21: t12, c22: t13, c23: (R::ONE - t13) / I2, c24: I1 * t12 / I3, c25: -(I2 * t14 / I3),
-            c26: (t10 - R::ONE) / I3, c27: t15, c28: -t14, c29: I1 * t11 / t16, c30: -(I1 / t16), c31: I1 * t15 / I3,
-            c32: t3, c33: t5, c34: t1, c35: t6, c36: t6,
+            c15: R::from_f64(0.5) * I2, c16: R::from_f64(0.5) * I3, c17: t8, c18: t9, c19: t10, c20: -(I3 * t11 / I2),
+            c21: I3 / (I1 * I2), c22: t11, c23: (t6 - R::ONE) / I2, c24: (I3 / I1 - R::ONE) / I2,
+            c25: -(I2 * t12 / I3), c26: t13 / I3, c27: t7 - t9, c28: t12, c29: I1 * t13 / t14, c30: -(I1 / t14),
+            c31: t3, c32: t5, c33: t1, c34: t6, c35: t6,
         })
     }
 
@@ -197,8 +194,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let dot_gamma3 = fma(-Omega1, gamma2, Omega2 * gamma1);
         // free acceleration L_yy^-1 r
         let free_Omega3_scaled = fma(Omega1, self.c2 * Omega2, fma(-gamma2, self.c1, self.c0 * gamma1));
-        let free_Omega2 = fma(Omega1, self.c4 * Omega3, fma(-gamma1, self.c3, self.c32 * gamma3));
-        let free_Omega1_scaled = fma(Omega2, self.c5 * Omega3, fma(-gamma3, self.c34, self.c33 * gamma2));
+        let free_Omega2 = fma(Omega1, self.c4 * Omega3, fma(-gamma1, self.c3, self.c31 * gamma3));
+        let free_Omega1_scaled = fma(Omega2, self.c5 * Omega3, fma(-gamma3, self.c33, self.c32 * gamma2));
         // multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let S_1_1_scaled = fma(self.c7, fma(self.c6, gamma2 * gamma2, gamma3 * gamma3), gamma1 * gamma1);
         // accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
@@ -207,12 +204,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = S_1_1_scaled.recip();
         let dot_Omega1 = fma(t0, self.c8 * gamma3, gamma2 * t1) * t2;
         let t3 = fma(-gamma2, free_Omega3_scaled, gamma3 * free_Omega2);
-        let dot_Omega2 = fma(t3, self.c35 * gamma3, -(gamma1 * t1)) * t2;
+        let dot_Omega2 = fma(t3, self.c34 * gamma3, -(gamma1 * t1)) * t2;
         let dot_Omega3_scaled = fma(t0, self.c9 * gamma1, -(gamma2 * t3)) * t2;
         let t4 = (self.c10 * S_1_1_scaled).sqrt();
         let dot_Omega1_2 = dot_Omega1 * t4;
         let dot_Omega2_2 = dot_Omega2 * t4;
-        let dot_Omega3 = self.c36 * dot_Omega3_scaled * t4;
+        let dot_Omega3 = self.c35 * dot_Omega3_scaled * t4;
         let dot_gamma1_2 = dot_gamma1 * t4;
         let dot_gamma2_2 = dot_gamma2 * t4;
         let dot_gamma3_2 = dot_gamma3 * t4;
@@ -252,46 +249,46 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      bracket_Omega3_gamma1, bracket_Omega3_gamma2, bracket_Omega3_gamma3]
     /// ```
     ///
-    /// Operations: 18 additions, 55 multiplications (18 fused), 1 division, 3 sign changes, 1 square root.
+    /// Operations: 18 additions, 63 multiplications (18 fused), 1 division, 3 sign changes, 1 square root.
     #[inline]
     #[must_use]
     pub fn bracket_nonzeros(&self, t: R, y: &[R; 6]) -> [R; 12] {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
         // response S = a n to multipliers
-        let t0 = self.c19 * (gamma2 * gamma2);
-        let S_1_1_scaled = fma(self.c7, gamma3 * gamma3, fma(gamma1, gamma1, t0));
-        let t1 = (self.c10 * S_1_1_scaled).sqrt();
-        let t2 = t1 / S_1_1_scaled;
-        let t3 = gamma1 * t2;
-        let t4 = gamma3 * t3;
-        let t5 = self.c20 * t4;
-        let t6 = gamma3 * t2;
-        let t7 = self.c21 * gamma2;
-        let t8 = t6 * t7;
-        let t9 = self.c17 * t1;
-        let t10 = t0 * t2;
-        let t11 = fma(-t10, self.c21, t9);
-        let t12 = gamma1 * t3;
-        let t13 = gamma3 * t6;
-        let t14 = fma(t13, self.c24, self.c18 * t1);
-        let t15 = self.c26 * gamma2;
-        let t16 = t3 * t15;
-        let t17 = self.c10 * t1;
-        let t18 = gamma1 * t9;
+        let t0 = self.c7 * gamma3;
+        let t1 = gamma3 * t0;
+        let t2 = self.c19 * gamma2;
+        let S_1_1_scaled = fma(gamma2, t2, fma(gamma1, gamma1, t1));
+        let t3 = (self.c10 * S_1_1_scaled).sqrt();
+        let t4 = S_1_1_scaled.recip();
+        let t5 = gamma2 * t4;
+        let t6 = gamma2 * t5;
+        let t7 = fma(t6, self.c20, self.c21);
+        let t8 = self.c22 * gamma3;
+        let t9 = t5 * t8;
+        let t10 = gamma1 * t4;
+        let t11 = self.c23 * gamma3;
+        let t12 = t1 * t4;
+        let t13 = fma(t12, self.c22, self.c18);
+        let t14 = gamma1 * t10;
+        let t15 = gamma2 * t10;
+        let t16 = self.c26 * t15;
+        let t17 = gamma3 * t3;
+        let t18 = self.c28 * t15;
         [
-            fma(-Omega3, fma(t12, self.c23, self.c22 * t11), fma(-Omega1, t5, Omega2 * t8)),
-            fma(Omega2, fma(-t14, self.c9, self.c25 * t12), fma(Omega1, t16, Omega3 * t8)),
-            -(t4 * t7),
-            fma(t4, self.c27 * gamma1, -(gamma3 * t17)),
-            gamma2 * fma(t12, self.c28, t17),
-            fma(Omega3, t5, fma(Omega1, fma(t13, self.c29, self.c26 * t10), fma(Omega2, t16, t1 * (self.c30 * Omega1)))),
-            gamma3 * t11,
-            -(gamma2 * t5),
-            fma(t3, self.c28 * t0, -t18),
-            -(gamma2 * t14),
-            fma(t4, self.c31 * gamma3, self.c8 * t18),
-            t4 * t15,
+            t3 * fma(-Omega3, t7, -fma(-Omega2, t9, -(t10 * fma(-Omega1, t11, self.c24 * gamma1 * Omega3)))),
+            t3 * fma(Omega2, fma(t14, self.c25, -(self.c9 * t13)), fma(Omega1, t16, Omega3 * t9)),
+            -(t8 * t15 * t3),
+            t17 * fma(t14, self.c27, -self.c10),
+            t3 * fma(-gamma1, t18, self.c10 * gamma2),
+            fma(t3, fma(Omega2, t16, fma(Omega1, fma(t6, self.c29, self.c23 * t12), t10 * (Omega3 * t11))), t3 * (self.c30 * Omega1)),
+            t0 * t3 * t7,
+            -(t11 * t15 * t3),
+            t3 * fma(-t2, t18, -(self.c17 * gamma1)),
+            -(gamma2 * t13 * t3),
+            t3 * fma(t10, self.c27 * t1, self.c18 * gamma1),
+            t17 * t16,
         ]
     }
 
@@ -339,7 +336,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[6] {
     c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20, c21, c22,
-    c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36,
+    c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

@@ -374,6 +374,9 @@ impl Pass<'_> {
                 self.sum_divisor(monomials, [*p, *q])
             }
             [(m, c)] => {
+                if m.iter().any(|(_, q)| !q.is_whole() && q.truncated() == 0) {
+                    return None;
+                }
                 let literals = literals(m, *c);
                 let [(a, n), rest @ ..] = literals.as_slice() else { return None };
                 let pair = match rest {
@@ -603,7 +606,8 @@ fn literals(m: &Monomial, c: Coefficient) -> Vec<(Literal, i64)> {
             let one = Exponent::whole(if q.is_positive() { 1 } else { -1 });
             literals.push((Literal::Atom(*atom, one), i64::from(q.truncated().abs())));
         }
-        if !q.is_whole() {
+        // A root alone stays where it is.
+        if !q.is_whole() && !whole.is_zero() {
             literals.push((Literal::Atom(*atom, *q - whole), 1));
         }
     }
