@@ -175,7 +175,8 @@ def farthest(values, expected):
 
 def rows(program):
     """`(problem, tool, method, milliseconds, error)`."""
-    tolerances = lambda rtol: ("--rtol", rtol, "--atol", rtol)
+    def tolerances(rtol):
+        return "--rtol", rtol, "--atol", rtol
 
     name = "Andrews' squeezer, 0.03 s"
     for rtol in ("1e-8", "1e-12"):

@@ -10,6 +10,7 @@
 //!
 //! Functions have values here where their arguments are in the field. Does not know: signs, verdicts.
 
+use num_bigint::BigInt;
 use rustc_hash::FxHashMap;
 
 use super::arena::Arena;
@@ -99,7 +100,7 @@ fn power(a: Point, q: &Rational) -> Option<Point> {
     let mut root = a;
     if !q.is_integer() {
         let n_roots = u32::try_from(q.denom().trailing_zeros()?).ok().filter(|n| *n <= MAX_ROOTS)?;
-        if *q.denom() == num_bigint::BigInt::from(1_u64 << n_roots) {
+        if *q.denom() == BigInt::from(1_u64 << n_roots) {
             for _ in 0..n_roots {
                 root = square_root(root)?;
             }
@@ -109,11 +110,11 @@ fn power(a: Point, q: &Rational) -> Option<Point> {
             return None;
         }
     }
-    let mut raised = field::times((root.0, root.1), n.checked_abs()?);
+    let mut raised = field::times(root, n.checked_abs()?);
     if n < 0 {
-        let square =
-            field::inverse(field::add(field::mul(raised.0, raised.0), field::mul(raised.1, raised.1)))?;
-        raised = (field::mul(raised.0, square), field::negate(field::mul(raised.1, square)));
+        let (x, y) = raised;
+        let per_norm = field::inverse(norm(raised))?;
+        raised = (field::mul(x, per_norm), field::negate(field::mul(y, per_norm)));
     }
     Some(raised)
 }
@@ -126,11 +127,16 @@ fn square_root((x, y): Point) -> Option<Point> {
         return root(x).map(|root| (root, 0)).or_else(|| Some((0, root(field::negate(x))?)));
     }
     // `(a + i b)^2 = x + i y` with `a^2 + b^2` the root of `x^2 + y^2`; of `(s + x)/2` and `(x - s)/2` one is a square.
-    let s = root(field::add(field::mul(x, x), field::mul(y, y)))?;
-    let two = field::inverse(field::add(field::ONE, field::ONE))?;
-    let a = [s, field::negate(s)].into_iter().find_map(|s| root(field::mul(field::add(x, s), two)))?;
-    let b = field::mul(field::mul(y, two), field::inverse(a)?);
+    let s = root(norm((x, y)))?;
+    let one_half = field::rational(&half)?;
+    let a = [s, field::negate(s)].into_iter().find_map(|s| root(field::mul(field::add(x, s), one_half)))?;
+    let b = field::mul(field::mul(y, one_half), field::inverse(a)?);
     Some((a, b))
+}
+
+/// `x^2 + y^2`, which is zero at zero alone.
+fn norm((x, y): Point) -> u64 {
+    field::add(field::mul(x, x), field::mul(y, y))
 }
 
 #[cfg(test)]

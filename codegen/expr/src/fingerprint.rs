@@ -22,7 +22,8 @@
 //! for is marked: values of `asin`, `acos`, `atan`, `atan2` and of what could not be tied are
 //! [opaque](Doubts::opaque), a function of their argument's values, and prove nothing; `abs`, and roots of what may
 //! be a square already, are known [up to their sign](Doubts::signed), and are looked into for all signs when it
-//! matters. A point at which a denominator vanishes or a root does not exist is void.
+//! matters. A point at which a denominator vanishes or a root does not exist is void; where
+//! roots leave too few, the [extension](super::extension) of the field has them.
 //!
 //! Two different functions of total degree `d` agree at one random point with probability at most `d/p` (Schwartz,
 //! 1980; Zippel, 1979), provided that `p` divides no number that matters. A sine counts as `2 DENOMINATOR` here, as

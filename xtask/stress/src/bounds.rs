@@ -208,7 +208,7 @@ struct Losing {
 const LOSING: &[Losing] = &[
     Losing {
         model: "andrews_squeezer",
-        reason: "Next to positions where the equations of a loop depend on each other; momenta that vanish on the loops.",
+        reason: "Angles within 1e-12 of quarter turns, where links lie on one another; momenta whose terms cancel.",
         functions: &[
             ("default", RHS, 1e13),
             ("default", OUTPUTS, 1e13),

@@ -28,7 +28,7 @@ pub(super) use site::Site;
 /// In longer polynomials only terms this close to one another are paired.
 const WINDOW: usize = 48;
 
-/// A factor of a monomial: a number, or an atom, its reciprocal, or a root of one of these.
+/// A factor of a monomial: a number, an atom or its reciprocal, or the root that is left of a power such as `a^(-3/2)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Literal {
     Number(u32),
@@ -606,7 +606,7 @@ fn literals(m: &Monomial, c: Coefficient) -> Vec<(Literal, i64)> {
             let one = Exponent::whole(if q.is_positive() { 1 } else { -1 });
             literals.push((Literal::Atom(*atom, one), i64::from(q.truncated().abs())));
         }
-        // A root alone stays where it is.
+        // A root alone is computed once anyway; as a literal it takes large functions to the limits of the search.
         if !q.is_whole() && !whole.is_zero() {
             literals.push((Literal::Atom(*atom, *q - whole), 1));
         }

@@ -254,7 +254,8 @@ impl<'a> Fusion<'a> {
         operand
     }
 
-    /// The value of an operation: of the part that runs once where a sum has become a number, and its user with it.
+    /// The value of an operation. One of numbers alone, as where all else in a sum has vanished, is of the part that
+    /// runs once.
     fn push(&mut self, op: Op) -> Operand {
         if let Some(known) = self.index.get(&op) {
             return *known;
