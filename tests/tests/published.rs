@@ -97,7 +97,8 @@ fn the_outer_planets_are_where_heyoka_has_them() {
 }
 
 /// By hand each of 15 pairs takes three differences, three operations for their square, a root, a division, three
-/// products for the strength and six fused additions, and each of 18 accelerations a product: 273. The search has fewer.
+/// products for the strength and six fused additions, and each of 18 accelerations a product: 273. The search has
+/// fewer.
 #[test]
 fn rates_of_the_outer_planets_take_no_more_than_by_hand() {
     let scene = models::build_from_shelf("outer_solar_system");
