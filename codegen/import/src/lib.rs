@@ -102,8 +102,10 @@ pub fn import_with(
     {
         *name = shown(name);
     }
-    for motor in &mut robot.motors {
-        motor.name = shown(&motor.name);
+    for name in
+        robot.motors.iter_mut().map(|m| &mut m.name).chain(robot.loops.iter_mut().map(|l| &mut l.name))
+    {
+        *name = shown(name);
     }
     for inertia in robot.links.iter_mut().flat_map(|link| &mut link.inertias) {
         inertia.name = shown(&inertia.name);

@@ -62,6 +62,8 @@ pub(crate) struct Parameters {
     pub(crate) parts: Vec<Vec<Part>>,
     /// Items that declare the frame of a joint, by joint.
     pub(crate) of_joint: Vec<String>,
+    /// Items that declare the ends of a loop, by loop.
+    pub(crate) of_loop: Vec<String>,
     /// Items in front of all others.
     pub(crate) head: String,
 }
@@ -113,8 +115,13 @@ fn declare_turn(items: &mut String, turn: &mut Turn, of: &str, link: &str, prefi
     }
 }
 
-/// Puts names of parameters in the place of numbers. `links` are names of links.
-pub(crate) fn parameters(robot: &mut Robot, links: &[String], names: &mut Names) -> Parameters {
+/// Puts names of parameters in the place of numbers. `links` and `loops` are their names.
+pub(crate) fn parameters(
+    robot: &mut Robot,
+    links: &[String],
+    loops: &[String],
+    names: &mut Names,
+) -> Parameters {
     let mut parts: Vec<Vec<Part>> = Vec::new();
     for link in &robot.links {
         let of_link = link.inertias.iter().map(|inertia| {
@@ -155,7 +162,19 @@ pub(crate) fn parameters(robot: &mut Robot, links: &[String], names: &mut Names)
         declare_turn(&mut items, &mut joint.pose.turn, &doc, link, "");
         of_joint.push(items);
     }
-    Parameters { parts, of_joint, head }
+    let mut of_loop = Vec::new();
+    for (held, name) in robot.loops.iter_mut().zip(loops) {
+        let mut items = String::new();
+        let ends = [(held.first.0, Some(&mut held.first.1)), (held.second.link, held.second.pose.as_mut())];
+        for ((link, pose), prefix) in ends.into_iter().zip(["d", "o"]) {
+            let doc = format!("Place of {} on {}, in m.", held.name, robot.links[link].name);
+            for (number, axis) in pose.into_iter().flat_map(|pose| &mut pose.place).zip(["x", "y", "z"]) {
+                declare(&mut items, number, format!("{prefix}{axis}_{name}"), &doc, false);
+            }
+        }
+        of_loop.push(items);
+    }
+    Parameters { parts, of_joint, of_loop, head }
 }
 
 fn part(inertia: &Inertia, name: &str) -> Part {

@@ -138,6 +138,34 @@ pub(crate) struct Motor {
     pub(crate) bias: [Number; 3],
 }
 
+/// What two links have in common beside the tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Held {
+    /// A point.
+    Point,
+    /// A frame.
+    Frame,
+}
+
+/// A link and a frame of it.
+#[derive(Clone, Debug)]
+pub(crate) struct End {
+    pub(crate) link: usize,
+    /// Nothing for the frame where the other end is with all joints at their references.
+    pub(crate) pose: Option<Pose>,
+}
+
+/// Two links that the tree does not join: frames of both, or their origins, stay together.
+#[derive(Clone, Debug)]
+pub(crate) struct Loop {
+    pub(crate) name: String,
+    pub(crate) held: Held,
+    /// The first one has its frame.
+    pub(crate) first: (usize, Pose),
+    pub(crate) second: End,
+    pub(crate) span: Range<usize>,
+}
+
 /// A tree of links: each but the first is the child of one joint, and each joint stands behind the joint of its parent.
 #[derive(Clone, Debug)]
 pub(crate) struct Robot {
@@ -149,6 +177,7 @@ pub(crate) struct Robot {
     /// Whether the root is the ground, and not a body that may move.
     pub(crate) has_ground: bool,
     pub(crate) motors: Vec<Motor>,
+    pub(crate) loops: Vec<Loop>,
     /// Whether every coordinate without a motor has an input as well: the file does not say which are driven.
     pub(crate) drives_all: bool,
     pub(crate) gravity: [Number; 3],

@@ -71,6 +71,7 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, robot: Element<'a>, file_stem: &str)
         root: 0,
         has_ground: false,
         motors,
+        loops: Vec::new(),
         drives_all: true,
         gravity: Robot::earth(),
         total_mass: None,

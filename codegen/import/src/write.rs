@@ -9,6 +9,8 @@
 //!
 //! Deliberately does not know: XML, how equations are derived.
 
+mod loops;
+
 use std::fmt::Write as _;
 
 use crate::floats::Floats;
@@ -74,6 +76,8 @@ const ZERO: &str = "[0, 0, 0]";
 struct Writer<'a> {
     /// With names of parameters in the place of lengths and angles.
     robot: &'a Robot,
+    /// With the numbers of the file.
+    file: &'a Robot,
     parameters: Parameters,
     options: &'a Options,
     /// The vertical upwards and the acceleration of gravity; nothing without gravity.
@@ -82,6 +86,7 @@ struct Writer<'a> {
     /// Names of links and joints.
     links: Vec<String>,
     joints: Vec<String>,
+    loop_names: Vec<String>,
     carried: Vec<Option<Carried>>,
     out: String,
     kinetic: Vec<String>,
@@ -96,7 +101,8 @@ struct Writer<'a> {
 }
 
 /// The items of the model; its documentation comes before.
-pub(crate) fn items(robot: &Robot, options: &Options, problems: &mut Problems) -> String {
+pub(crate) fn items(file: &Robot, options: &Options, problems: &mut Problems) -> String {
+    let robot = file;
     let mut names = Names::new(&RESERVED);
     let mut floats = Floats::reserve(robot, options, &mut names);
     // Joints have their names first: they are what users write.
@@ -104,6 +110,9 @@ pub(crate) fn items(robot: &Robot, options: &Options, problems: &mut Problems) -
         robot.joints.iter().map(|joint| names.take(&joint.name, joints::around(joint))).collect();
     let of_link: Vec<&str> = OF_LINK.iter().chain(OF_PLACE).copied().collect();
     let links: Vec<String> = robot.links.iter().map(|link| names.take(&link.name, &of_link)).collect();
+    let of_loop: Vec<&str> = loops::OF_LOOP.iter().chain(OF_PLACE).copied().collect();
+    let loop_names: Vec<String> =
+        robot.loops.iter().map(|closed| names.take(&closed.name, &of_loop)).collect();
     for (joint, name) in robot.joints.iter().zip(&joints) {
         let is_named = !matches!(joint.kind, JointKind::Fixed | JointKind::Floating);
         if is_named && *name != joint.name {
@@ -115,15 +124,17 @@ pub(crate) fn items(robot: &Robot, options: &Options, problems: &mut Problems) -
     let carried = vec![None; robot.links.len()];
     let vertical = Vertical::new(&robot.gravity);
     let mut robot = robot.clone();
-    let parameters = parameters(&mut robot, &links, &mut names);
+    let parameters = parameters(&mut robot, &links, &loop_names, &mut names);
     let mut writer = Writer {
         robot: &robot,
+        file,
         parameters,
         options,
         vertical,
         floats,
         links,
         joints,
+        loop_names,
         carried,
         out: String::new(),
         kinetic: Vec::new(),
@@ -137,6 +148,7 @@ pub(crate) fn items(robot: &Robot, options: &Options, problems: &mut Problems) -
     for k in 0..robot.joints.len() {
         writer.joint(k, problems);
     }
+    writer.loops(problems);
     writer.frames(problems);
     writer.end()
 }
@@ -427,16 +439,8 @@ impl Writer<'_> {
             Some(k) if !self.is_free(link) => {
                 let before = self.placed(self.robot.joints[k].parent, placed, problems);
                 self.declare_frame_of(k);
-                let joint = &self.robot.joints[k];
-                if self.moved[k].is_none() && !matches!(joint.kind, JointKind::Fixed) {
-                    let help = format!("write `--lock {}`", joint.name);
-                    let message = format!(
-                        "link `{}` has no frame: joint `{}` before it moves no mass, and the model lacks it",
-                        self.robot.links[link].name, joint.name
-                    );
-                    problems.error(&joint.span, message, &help);
-                }
-                let pose = &joint.pose;
+                self.has_coordinates(k, problems);
+                let pose = &self.robot.joints[k].pose;
                 let (shift, rotation) = self.moved[k].clone().unwrap_or_default();
                 let (mut place, turn) = (still.place_of(pose), pose.turn.text());
                 if let Some(shift) = shift {
@@ -474,6 +478,19 @@ impl Writer<'_> {
         };
         placed[link] = Some(found.clone());
         found
+    }
+
+    /// Tells a joint of which the model lacks the coordinates, so that the link behind it has no place.
+    fn has_coordinates(&self, joint: usize, problems: &mut Problems) {
+        let (moved, joint) = (&self.moved[joint], &self.robot.joints[joint]);
+        if moved.is_none() && !matches!(joint.kind, JointKind::Fixed) {
+            let help = format!("write `--lock {}`", joint.name);
+            let message = format!(
+                "link `{}` has no frame: joint `{}` before it moves no mass, and the model lacks it",
+                self.robot.links[joint.child].name, joint.name
+            );
+            problems.error(&joint.span, message, &help);
+        }
     }
 
     /// Links that fixed joints join to this one, each with its frame.

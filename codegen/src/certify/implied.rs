@@ -71,10 +71,12 @@ fn met(setting: &Setting<'_>, implied: &Implied, random: &mut Random) -> Option<
         if values.iter().all(|r| r.size() <= 4.0 * r.error()) {
             return Some(env);
         }
+        // Slopes of sixteen digits, as each step of Newton's method gains.
+        let rounded = env.map(Wide::to_f64);
         let mut columns: Vec<Vec<Wide>> = Vec::new();
         for symbol in &coordinates {
-            let slopes = tape.eval(&setting.seeded(&env, &[(*symbol, Wide::ONE)])).ok()?.roots;
-            columns.push(slopes.into_iter().map(|slope| slope.derivative).collect());
+            let slopes = tape.eval(&setting.seeded(&rounded, &[(*symbol, 1.0)])).ok()?.roots;
+            columns.push(slopes.into_iter().map(|slope| Wide::exact(slope.derivative)).collect());
         }
         // The shortest step, `G^T mu` with `G G^T mu = -r`, stays on the branch.
         let product = |i: usize, j: usize| columns.iter().fold(Wide::ZERO, |sum, c| sum + c[i] * c[j]);

@@ -408,11 +408,14 @@ impl<'a> Setting<'a> {
             if values.iter().all(|r| r.size() <= 4.0 * r.error()) {
                 return Some(());
             }
+            // Slopes of sixteen digits: each step of Newton's method gains as many, and values have all of theirs.
+            let rounded = env.map(Wide::to_f64);
             let mut rows: Vec<Vec<Wide>> = values.iter().map(|_| Vec::new()).collect();
             for symbol in &variables {
-                let seeded = self.seeded(env, &[(*symbol, Wide::ONE)]);
+                let seeded = self.seeded(&rounded, &[(*symbol, 1.0)]);
                 let slopes = self.restrictions(&seeded).ok()?;
-                rows.iter_mut().zip(slopes).for_each(|(row, slope)| row.push(slope.derivative));
+                let slopes = slopes.into_iter().map(|slope| Wide::exact(slope.derivative));
+                rows.iter_mut().zip(slopes).for_each(|(row, slope)| row.push(slope));
             }
             rows.iter_mut().zip(&values).for_each(|(row, r)| row.push(-*r));
             if rows.iter().flatten().any(|x| !x.all_finite()) {

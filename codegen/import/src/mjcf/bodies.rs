@@ -35,12 +35,36 @@ struct Inside<'a> {
     depth: usize,
 }
 
+/// A frame that a body has for sensors, actuators and equations. One that no equation names is read by nobody.
+pub(super) struct Site<'a> {
+    element: Element<'a>,
+    link: usize,
+    /// The origin of the link in the frame of the body.
+    offset: [Number; 3],
+    childclass: Option<&'a str>,
+}
+
+impl<'a> Site<'a> {
+    /// The link, and the frame in it.
+    pub(super) fn read(&self, settings: &Settings<'a, '_>) -> (usize, Pose) {
+        settings.reader.take(self.element);
+        let of = settings.defaulted(self.element, self.childclass);
+        let mut pose = settings.pose(&of);
+        subtract(&mut pose.place, &self.offset);
+        // The rest of it is seen.
+        settings.reader.skip(self.element);
+        (self.link, pose)
+    }
+}
+
 pub(super) struct Bodies<'a, 'r> {
     settings: &'r Settings<'a, 'r>,
     pub(super) links: Vec<Link>,
     pub(super) joints: Vec<Joint>,
     pub(super) joint_by_name: BTreeMap<String, usize>,
-    body_by_name: BTreeMap<String, usize>,
+    /// Links of bodies, and the origins of these in the frames of the bodies.
+    pub(super) body_by_name: BTreeMap<String, (usize, [Number; 3])>,
+    pub(super) site_by_name: BTreeMap<String, Site<'a>>,
     geoms: BTreeMap<String, usize>,
 }
 
@@ -54,9 +78,10 @@ impl<'a, 'r> Bodies<'a, 'r> {
             joints: Vec::new(),
             joint_by_name: BTreeMap::new(),
             body_by_name: BTreeMap::new(),
+            site_by_name: BTreeMap::new(),
             geoms: BTreeMap::new(),
         };
-        bodies.body_by_name.insert("world".to_owned(), 0);
+        bodies.body_by_name.insert("world".to_owned(), (0, zeros()));
         for element in settings.reader.children(root, "worldbody") {
             let inside = Inside {
                 link: 0,
@@ -95,6 +120,17 @@ impl<'a, 'r> Bodies<'a, 'r> {
                     reader.take(child);
                     let name = self.geom_name(child, &inside.body);
                     own.extend(geoms::inertia(self.settings, &geom, &name));
+                }
+                "site" => {
+                    if let Some(name) = child.attribute("name") {
+                        let site = Site {
+                            element: child,
+                            link: inside.link,
+                            offset: inside.offset.clone(),
+                            childclass: inside.childclass,
+                        };
+                        self.site_by_name.insert(name.to_owned(), site);
+                    }
                 }
                 _ if MACROS.contains(&tag) => {
                     let message = format!("`{tag}` makes elements that the file does not say");
@@ -179,7 +215,7 @@ impl<'a, 'r> Bodies<'a, 'r> {
         }
         let given = reader.attribute(element, "name");
         let name = given.map_or_else(|| format!("body{}", self.body_by_name.len()), str::to_owned);
-        if self.body_by_name.insert(name.clone(), self.links.len()).is_some() {
+        if self.body_by_name.insert(name.clone(), (self.links.len(), zeros())).is_some() {
             let help = "give each body a name of its own";
             reader.error(&place(element, "name"), format!("body `{name}` is declared twice"), help);
         }
@@ -234,6 +270,7 @@ impl<'a, 'r> Bodies<'a, 'r> {
                 format!("body `{name}` is moved from outside, and rests here"),
             );
         }
+        self.body_by_name.insert(name.clone(), (at, offset.clone()));
         self.own_inertia(element, &name, at, &offset);
         let within = Inside {
             link: at,
@@ -283,6 +320,7 @@ impl<'a, 'r> Bodies<'a, 'r> {
             root: 0,
             has_ground: true,
             motors: Vec::new(),
+            loops: Vec::new(),
             drives_all: false,
             gravity: self.settings.gravity.clone(),
             total_mass: self.settings.total_mass.clone(),
@@ -290,7 +328,7 @@ impl<'a, 'r> Bodies<'a, 'r> {
     }
 }
 
-fn subtract(place: &mut [Number; 3], offset: &[Number; 3]) {
+pub(super) fn subtract(place: &mut [Number; 3], offset: &[Number; 3]) {
     for (own, offset) in place.iter_mut().zip(offset) {
         *own = own.minus(offset);
     }

@@ -21,7 +21,7 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) 
         reader.error(&head(root), "the model has no bodies", "a model has `body` in its `worldbody`");
         return None;
     }
-    equalities(&settings, root, &mut bodies.joints, &bodies.joint_by_name);
+    let loops = equalities(&settings, root, &mut bodies);
     let motors = motors(&settings, root, &bodies.joints, &bodies.joint_by_name);
     for element in reader.children(root, "tendon").into_iter().flat_map(|section| reader.all(section)) {
         reader.take(element);
@@ -32,5 +32,6 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) 
     }
     let mut robot = bodies.finish(name);
     robot.motors = motors;
+    robot.loops = loops;
     Some(robot)
 }

@@ -4,6 +4,7 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use crate::number::{Number, zeros};
 use crate::robot::{Pose, Robot};
@@ -324,11 +325,16 @@ impl<'a, 'r> Settings<'a, 'r> {
             }
             Some(Some(turn)) => turn,
         };
+        self.tell_moved(&place(element, name), &turn);
+        turn
+    }
+
+    /// Tells which numbers of a rotation stand for quarter turns.
+    pub(super) fn tell_moved(&self, at: &Range<usize>, turn: &Turn) {
         for (written, taken) in &turn.moved {
             let message = format!("the rotation {written} is taken as {taken}");
-            reader.note_with_help(&place(element, name), message, "give more digits of another angle");
+            self.reader.note_with_help(at, message, "give more digits of another angle");
         }
-        turn
     }
 }
 

@@ -64,6 +64,7 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) 
         joints: builder.joints,
         root: 0,
         motors: Vec::new(),
+        loops: Vec::new(),
         drives_all: true,
         gravity,
         total_mass: None,

@@ -97,8 +97,22 @@ fn texts(model: &Model) -> Vec<String> {
     constraints.iter().map(text).collect()
 }
 
-/// What the equations between the coordinates of a model are, where they depend on each other.
+/// What the equations between the coordinates of a model are, where they depend on each other next to its start: at
+/// zero where the model gives none, and where that is no answer, as linkages may be singular there, beside it.
 fn redundant(model: &Model, texts: &[String]) -> Option<Found> {
+    let found = redundant_at(model, texts, |_| 0.0)?;
+    let is_given = |name: &String| model.initial.iter().any(|(given, _)| given == name);
+    if matches!(found, Found::Implied { .. }) || model.base.iter().all(|c| is_given(&c.name)) {
+        return Some(found);
+    }
+    match redundant_at(model, texts, |k| 0.4 + 0.17 * k as f64) {
+        Some(beside @ Found::Implied { .. }) => Some(beside),
+        _ => Some(found),
+    }
+}
+
+/// As [`redundant`], with coordinates that the model does not give by their places.
+fn redundant_at(model: &Model, texts: &[String], open: impl Fn(usize) -> f64) -> Option<Found> {
     let graph = &model.graph;
     let coordinates: Vec<SymbolId> = model.base.iter().map(|c| c.symbol).collect();
     let params = model.params.iter().map(|p| p.symbol);
@@ -117,7 +131,7 @@ fn redundant(model: &Model, texts: &[String]) -> Option<Found> {
     others.insert(model.time, 0.0);
     let mut loops = Loops { graph, residuals, coordinates, others };
     let mut random = 1;
-    let start = loops.start(model);
+    let start = loops.start(model, open);
     // Reduction leaves these out.
     let implied = loops.dependent_anywhere(&start, &mut random);
     let kept: Vec<usize> = (0..constraints.len()).filter(|k| !implied.contains(k)).collect();
@@ -171,13 +185,13 @@ fn redundant(model: &Model, texts: &[String]) -> Option<Found> {
 }
 
 impl Loops<'_> {
-    /// Coordinates as the model gives them; beside zero, where symmetric linkages are singular, where it does not.
-    fn start(&self, model: &Model) -> Vec<f64> {
+    /// Coordinates as the model gives them, and others by their places.
+    fn start(&self, model: &Model, open: impl Fn(usize) -> f64) -> Vec<f64> {
         let given = |k: usize| {
             let (_, e) = model.initial.iter().find(|(name, _)| *name == model.base[k].name)?;
             self.graph.eval_f64(*e, &self.others)
         };
-        (0..self.coordinates.len()).map(|k| given(k).unwrap_or(0.4 + 0.17 * k as f64)).collect()
+        (0..self.coordinates.len()).map(|k| given(k).unwrap_or_else(|| open(k))).collect()
     }
 
     fn values(&self, x: &[f64]) -> Option<Vec<f64>> {

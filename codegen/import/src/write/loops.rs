@@ -1,0 +1,293 @@
+//! Loops: what two links have in common beside the tree, as equations between coordinates.
+//!
+//! Both ways lead from the last link that they share. A point of the first link has the place `x = p + Q (s + R y)` in
+//! the frame of the link before, and so on: two such sums are equal, which no joint behind the shared link enters. Of
+//! two frames the rotation `A^T B` from one to the other is the identity: its antisymmetric part vanishes, three
+//! equations that are independent there. Where everything turns about one axis of coordinates, equations along it are
+//! left out, as they always hold.
+//!
+//! Deliberately does not know: XML, energies.
+
+use super::{Writer, ZERO};
+use crate::number::{Number, vector};
+use crate::problems::Problems;
+use crate::robot::{End, Held, JointKind, Loop, Pose};
+use crate::rotation::{Axis, Rotation, Turn};
+
+/// Everything that is named after a loop, beside the parameters of its places.
+pub(super) const OF_LOOP: [&str; 6] = ["*", "one_*", "other_*", "held_*", "turn_*", "attitude_*"];
+
+/// The joints from the shared link to one end, and the frame there.
+struct Way {
+    joints: Vec<usize>,
+    link: usize,
+}
+
+impl Writer<'_> {
+    pub(super) fn loops(&mut self, problems: &mut Problems) {
+        for k in 0..self.robot.loops.len() {
+            self.close(k, problems);
+        }
+    }
+
+    fn close(&mut self, k: usize, problems: &mut Problems) {
+        let closed = &self.robot.loops[k];
+        let ways = self.ways(closed.first.0, closed.second.link);
+        if let Some(reason) = self.refusal(&ways) {
+            let help = "write a `constraint` between their velocities into the model";
+            let message = format!("the equation `{}` {reason}: it is not taken", closed.name);
+            problems.note_with_help(&closed.span, message, help);
+            return;
+        }
+        for joint in ways.iter().flat_map(|way| way.joints.clone()) {
+            self.declare_frame_of(joint);
+            self.has_coordinates(joint, problems);
+        }
+        let plane = self.plane(closed, &ways);
+        if let Some(axis) = plane
+            && let Some(gap) = self.gap(k, &ways, axis)
+        {
+            let message = format!(
+                "the ends of the equation `{}` are {} m apart along the axis {} of all of its joints",
+                closed.name,
+                gap.text,
+                axis + 1
+            );
+            problems.error(&closed.span, message, "move one of the two sites");
+            return;
+        }
+        let name = self.loop_names[k].clone();
+        let [one, other] = [&ways[0], &ways[1]].map(|way| self.robot.links[way.link].name.clone());
+        let what = match closed.held {
+            Held::Point => "a point",
+            Held::Frame => "a frame",
+        };
+        self.line(&format!("\n// {}: {what} of {one} is one of {other}.", closed.name));
+        self.out.push_str(&self.parameters.of_loop[k].clone());
+        let second = self.second(closed, &ways);
+        let mut held = second.place;
+        if second.is_found {
+            self.line(&format!("let held_{name} = {held};"));
+            held = format!("held_{name}");
+        }
+        let first = vector(&closed.first.1.place);
+        self.line(&format!("let one_{name} = {};", sum(&self.point(&ways[0].joints, &first, true))));
+        self.line(&format!("let other_{name} = {};", sum(&self.point(&ways[1].joints, &held, true))));
+        let kept: Vec<usize> = (0..3).filter(|axis| plane != Some(*axis)).collect();
+        let of = |side: &str| match plane {
+            None => format!("{side}_{name}"),
+            Some(_) => {
+                let entries: Vec<String> =
+                    kept.iter().map(|axis| format!("{side}_{name}[{}]", axis + 1)).collect();
+                format!("[{}]", entries.join(", "))
+            }
+        };
+        self.line(&format!("constraint {name}: {} = {};", of("one"), of("other")));
+        if closed.held == Held::Frame {
+            self.attitude(closed, &ways, &second.turn, plane, &name);
+        }
+    }
+
+    /// That the rotation between two frames is the identity.
+    fn attitude(
+        &mut self,
+        closed: &Loop,
+        ways: &[Way; 2],
+        second: &[String],
+        plane: Option<usize>,
+        name: &str,
+    ) {
+        let turns = |way: &Way| way.joints.iter().any(|k| self.rotation(*k).is_some());
+        if !ways.iter().any(turns) {
+            return;
+        }
+        let one: Vec<String> =
+            self.turns(&ways[0].joints, true).into_iter().chain(closed.first.1.turn.text()).collect();
+        let other: Vec<String> =
+            self.turns(&ways[1].joints, true).into_iter().chain(second.iter().cloned()).collect();
+        let back = (!one.is_empty()).then(|| format!("transpose({})", one.join("*")));
+        let factors: Vec<String> = back.into_iter().chain(other).collect();
+        self.line(&format!("let turn_{name} = {};", factors.join("*")));
+        let axes: Vec<usize> = plane.map_or_else(|| vec![0, 1, 2], |axis| vec![axis]);
+        let entries: Vec<String> = axes
+            .iter()
+            .map(|k| {
+                let (i, j) = ((k + 1) % 3 + 1, (k + 2) % 3 + 1);
+                match plane {
+                    Some(_) => format!("turn_{name}[{j}, {i}]"),
+                    None => format!("turn_{name}[{j}, {i}] - turn_{name}[{i}, {j}]"),
+                }
+            })
+            .collect();
+        let item = match &entries[..] {
+            [entry] => format!("constraint attitude_{name}: {entry} = 0;"),
+            _ => format!("constraint attitude_{name}:\n    [{}] = {ZERO};", entries.join(", ")),
+        };
+        self.line(&item);
+    }
+
+    /// The ways from the last link that both share.
+    fn ways(&self, one: usize, other: usize) -> [Way; 2] {
+        let [a, b] = [one, other].map(|link| self.chain(link));
+        let n_shared = a.iter().zip(&b).take_while(|(a, b)| a == b).count();
+        [
+            Way { joints: a[n_shared..].to_vec(), link: one },
+            Way { joints: b[n_shared..].to_vec(), link: other },
+        ]
+    }
+
+    /// The joints from the root to a link.
+    fn chain(&self, link: usize) -> Vec<usize> {
+        let mut chain = Vec::new();
+        let mut at = link;
+        while let Some(k) = self.robot.joints.iter().position(|joint| joint.child == at) {
+            chain.push(k);
+            at = self.robot.joints[k].parent;
+        }
+        chain.reverse();
+        chain
+    }
+
+    fn refusal(&self, ways: &[Way; 2]) -> Option<&'static str> {
+        let kinds = || ways.iter().flat_map(|way| &way.joints).map(|k| &self.robot.joints[*k].kind);
+        if kinds().any(|kind| matches!(kind, JointKind::Floating)) {
+            return Some("joins bodies that move freely of each other");
+        }
+        kinds().all(|kind| matches!(kind, JointKind::Fixed)).then_some("joins one body with itself")
+    }
+
+    /// The place and the rotation of a joint's link by its coordinates.
+    fn moved(&self, joint: usize) -> (Option<String>, Option<String>) {
+        self.moved[joint].clone().unwrap_or_default()
+    }
+
+    fn rotation(&self, joint: usize) -> Option<String> {
+        self.moved(joint).1
+    }
+
+    /// The place of a point of the last link of a chain in the frame of the first, as terms.
+    fn point(&self, chain: &[usize], inner: &str, moves: bool) -> Vec<String> {
+        let mut terms: Vec<String> = (inner != ZERO).then(|| inner.to_owned()).into_iter().collect();
+        for k in chain.iter().rev() {
+            let pose = &self.robot.joints[*k].pose;
+            let (shift, rotation) = if moves { self.moved(*k) } else { (None, None) };
+            if let Some(rotation) = rotation {
+                terms = turned(&rotation, terms);
+            }
+            let anchor = (!pose.anchor.iter().all(Number::is_zero)).then(|| vector(&pose.anchor));
+            terms.splice(0..0, anchor.into_iter().chain(shift));
+            if let Some(turn) = pose.turn.text() {
+                terms = turned(&turn, terms);
+            }
+            let place = (!pose.place.iter().all(Number::is_zero)).then(|| vector(&pose.place));
+            terms.splice(0..0, place);
+        }
+        terms
+    }
+
+    /// The rotation of the last link of a chain in the frame of the first, as factors.
+    fn turns(&self, chain: &[usize], moves: bool) -> Vec<String> {
+        let of = |k: &usize| {
+            let rotation = if moves { self.rotation(*k) } else { None };
+            self.robot.joints[*k].pose.turn.text().into_iter().chain(rotation)
+        };
+        chain.iter().flat_map(of).collect()
+    }
+
+    /// The frame of the second end in its link.
+    fn second(&self, closed: &Loop, ways: &[Way; 2]) -> Second {
+        if let End { pose: Some(pose), .. } = &closed.second {
+            let turn = pose.turn.text().into_iter().collect();
+            return Second { place: vector(&pose.place), turn, is_found: false };
+        }
+        let first = vector(&closed.first.1.place);
+        let there = self.point(&ways[0].joints, &first, false);
+        let origin = self.point(&ways[1].joints, ZERO, false);
+        let difference = match origin.is_empty() {
+            true => there,
+            false => {
+                let from = if there.is_empty() { String::new() } else { format!("{} ", sum(&there)) };
+                vec![format!("{from}- {}", in_product(&sum(&origin)))]
+            }
+        };
+        let back = self.turns(&ways[1].joints, false);
+        let back = (!back.is_empty()).then(|| format!("transpose({})", back.join("*")));
+        let place = match &back {
+            Some(back) => sum(&turned(back, difference)),
+            None => sum(&difference),
+        };
+        let turn: Vec<String> = back
+            .into_iter()
+            .chain(self.turns(&ways[0].joints, false))
+            .chain(closed.first.1.turn.text())
+            .collect();
+        Second { place, turn, is_found: true }
+    }
+
+    /// The axis of coordinates about which everything on both ways turns, and across which it slides.
+    fn plane(&self, closed: &Loop, ways: &[Way; 2]) -> Option<usize> {
+        let is_along = |axis: &Axis, k: usize| axis.along.is_some_and(|(along, _)| along == k);
+        let keeps = |pose: &Pose, k: usize| turns_about(&pose.turn, k);
+        let poses = [Some(&closed.first.1), closed.second.pose.as_ref()];
+        (0..3).find(|k| {
+            let joints = ways.iter().flat_map(|way| &way.joints);
+            joints.map(|joint| &self.robot.joints[*joint]).all(|joint| {
+                let moves_there = match &joint.kind {
+                    JointKind::Fixed => true,
+                    JointKind::Revolute(axis) | JointKind::Planar(axis) => is_along(axis, *k),
+                    JointKind::Prismatic(axis) => axis.along.is_some_and(|(along, _)| along != *k),
+                    JointKind::Ball | JointKind::Floating => false,
+                };
+                moves_there && keeps(&joint.pose, *k)
+            }) && poses.iter().flatten().all(|pose| keeps(pose, *k))
+        })
+    }
+
+    /// How far both ends are apart along the axis of all joints, where that is not zero.
+    fn gap(&self, k: usize, ways: &[Way; 2], axis: usize) -> Option<Number> {
+        let closed = &self.file.loops[k];
+        let end = closed.second.pose.as_ref()?;
+        let along = |way: &Way, end: &Pose| {
+            let poses = way.joints.iter().map(|k| &self.file.joints[*k].pose);
+            poses.fold(end.place[axis].clone(), |sum, pose| {
+                sum.plus(&pose.place[axis]).plus(&pose.anchor[axis])
+            })
+        };
+        let gap = along(&ways[0], &closed.first.1).minus(&along(&ways[1], end));
+        (!gap.is_zero()).then_some(gap)
+    }
+}
+
+/// The frame of an end in its link.
+struct Second {
+    place: String,
+    /// As factors.
+    turn: Vec<String>,
+    /// Whether it is where the other end is.
+    is_found: bool,
+}
+
+fn turns_about(turn: &Turn, axis: usize) -> bool {
+    let own = format!("e{}", axis + 1);
+    turn.factors.iter().all(|factor| matches!(factor, Rotation::About(about, _) if *about == own))
+}
+
+fn sum(terms: &[String]) -> String {
+    if terms.is_empty() { ZERO.to_owned() } else { terms.join(" + ") }
+}
+
+/// A sum in parentheses.
+fn in_product(text: &str) -> String {
+    match text.contains(" + ") || text.contains("- ") {
+        true => format!("({text})"),
+        false => text.to_owned(),
+    }
+}
+
+/// A rotated sum; zero stays.
+fn turned(rotation: &str, terms: Vec<String>) -> Vec<String> {
+    if terms.is_empty() {
+        return terms;
+    }
+    vec![format!("{rotation}*{}", in_product(&sum(&terms)))]
+}
