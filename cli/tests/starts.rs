@@ -30,6 +30,15 @@ const PARALLELOGRAM: &str = "model parallelogram {
     initial al = 1; initial ga = 1; initial al_dot = 1;
 }";
 
+/// A rod on a ball joint whose end stays on a circle: its attitude is moved there, and stays a rotation.
+const HELD: &str = "model held {
+    configuration R in SO(3) velocity w;
+    param c = 0.4;
+    constraint held: dot(R*[0, 0.6, 0.8], [0, 0, 1]) = c;
+    lagrangian = w1^2/2 + w2^2 + w3^2 - dot(R*[1, 0, 2], [0, 0, 1]);
+    initial w = [0.3, 0.2, 0.5];
+}";
+
 /// A slider that the rod of a crank pushes.
 const CRANK: &str = "model slider_crank {
     param r = 0.3 where r > 0;
@@ -107,6 +116,16 @@ fn a_velocity_that_is_given_stays_and_one_that_is_not_follows() {
         assert!((numbers(&text, "ga_dot")[0] - first).abs() < 1e-14, "{text}");
         assert!(text.contains("  start      chosen: "), "{text}");
     }
+    // On the other way of assembly an equation that was left out does not hold.
+    let level = PARALLELOGRAM.replace("multipliers;", "multipliers; constraint level: sin(be) = 0;");
+    let level = file("level_parallelogram.hamel", &level);
+    assert!(simulated(&[&level, "--t-final", "0"]).contains("  start      chosen: "));
+    let crossed =
+        ["al=1", "be=-0.5852525857134772", "ga=-1.5852525857134772", "al_dot=0", "be_dot=0", "ga_dot=0"];
+    let request = ["simulate", &*level, "--t-final", "0", "--initial"];
+    let (code, _, message) = hamel(&[&request[..], &crossed[..]].concat(), "");
+    assert_eq!(code, Some(2), "{message}");
+    assert!(message.contains("`sin(be) = 0` was left out"), "{message}");
     // What contradicts the equations by itself is told with their names.
     let all = ["--initial", "al_dot=1", "be_dot=0", "ga_dot=0"];
     let (code, _, message) = hamel(&[&["simulate", &*model, "--t-final", "0"][..], &all[..]].concat(), "");
@@ -358,5 +377,21 @@ fn a_component_that_others_determine_is_held_to_its_value() {
         let (status, _, told) = hamel(&["simulate", &path, "--scene", "st", "--json"], &request);
         assert_eq!(status == Some(0), is_kept, "{told}");
         assert!(is_kept || told.contains("the other components make it"), "{told}");
+    }
+}
+
+#[test]
+fn attitudes_are_moved_onto_equations_in_their_group() {
+    let text = simulated(&[&file("held.hamel", HELD), "--t-final", "5"]);
+    for k in 0..2 {
+        let r = |i: usize, j: usize| numbers(&text, &format!("R{i}{j}"))[k];
+        for i in 1..=3 {
+            for j in 1..=i {
+                let product: f64 = (1..=3).map(|n| r(i, n) * r(j, n)).sum();
+                let expected = f64::from(u8::from(i == j));
+                assert!((product - expected).abs() < 1e-9, "rows {i}, {j}: {product}");
+            }
+        }
+        assert!((0.6 * r(3, 2) + 0.8 * r(3, 3) - 0.4).abs() < 1e-9);
     }
 }

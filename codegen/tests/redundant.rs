@@ -90,6 +90,44 @@ fn an_equation_that_does_not_follow_is_found_by_the_certificate() {
     assert!(problems.contains("the implied equation `sin(be) = 0`"), "{problems}");
 }
 
+/// A start on the other way of assembly, where the equation that was left out does not hold.
+#[test]
+fn a_start_where_an_equation_that_was_left_out_does_not_hold_is_refused() {
+    let closure = "constraint along: a*cos(al) + b*cos(be) - a*cos(ga) = b;
+        constraint across: a*sin(al) + b*sin(be) - a*sin(ga) = 0; constraint level: sin(be) = 0;";
+    let mut model = parsed(&format!("{CRANKS} {closure} initial al_dot = 0.7; multipliers;"));
+    let names: Vec<String> = ["al", "be", "ga"].map(str::to_owned).to_vec();
+    let prior = scene::Prior::of(&model, "default", &BTreeMap::new());
+    let crossed = [1.0, -0.585_252_585_713_477_2, -1.585_252_585_713_477_2];
+    assert_eq!(prior.refusal(&names, &[0.3, 0.0, 0.3]), None);
+    let told = prior.refusal(&names, &crossed).expect("refused");
+    assert!(
+        told.contains("`sin(be) = 0` was left out") && told.contains("another way of assembly"),
+        "{told}"
+    );
+    // Code that begins there is not written.
+    let found = built(&model);
+    assert!(scene::start(&model, &found).is_ok_and(|start| start.is_some()));
+    for (name, value) in names.iter().zip(crossed) {
+        let value = Rational::new(((value * 1e15).round() as i64).into(), 1_000_000_000_000_000_i64.into());
+        let value = model.graph.rational(value);
+        model.initial.iter_mut().filter(|(own, _)| own == name).for_each(|(_, e)| *e = value);
+    }
+    let told = scene::start(&model, &found).expect_err("refused").to_string();
+    assert!(told.contains("`sin(be) = 0` was left out"), "{told}");
+}
+
+/// Where no coordinate is given, the start is zero, and not beside it on another way of assembly: the half turn of a
+/// rotation that has to be the identity, where two of three equations follow.
+#[test]
+fn equations_are_judged_where_a_motion_without_initial_values_begins() {
+    let text = "coordinate a in angle; coordinate b in angle; coordinate c in angle; coordinate d in angle;
+        let turn = rot(e3, a)*rot(e2, b + 0.1)*rot(e1, c)*rot(e3, d);
+        constraint turned: [turn[3, 2] - turn[2, 3], turn[1, 3] - turn[3, 1], turn[2, 1] - turn[1, 2]] = [0, 0, 0];
+        lagrangian = (a_dot^2 + b_dot^2 + c_dot^2 + d_dot^2)/2 - cos(a);";
+    assert_eq!(left_out(text), Vec::<String>::new());
+}
+
 /// A four-bar linkage in the plane, written in space: the same rates, and what always holds is told.
 #[test]
 fn a_planar_loop_in_space_moves_as_in_the_plane() {

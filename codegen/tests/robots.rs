@@ -435,6 +435,29 @@ fn wrong_mujoco_models_are_refused_with_the_reason_and_the_fix() {
             "there is no joint `p`",
             "name a joint",
         ),
+        (
+            mujoco("<equality><connect body1=\"b\"/></equality>", hinge),
+            "`connect` has no `anchor`",
+            "in the frame of the first body",
+        ),
+        (
+            mujoco("<equality><weld body1=\"b\" body2=\"c\"/></equality>", hinge),
+            "there is no body `c`",
+            "name a body",
+        ),
+        (
+            mujoco("<equality><connect site1=\"s\" site2=\"d\"/></equality>", hinge),
+            "there is no site `s`",
+            "name a site",
+        ),
+        (
+            mujoco(
+                "<worldbody><site name=\"d\"/></worldbody><equality><connect site1=\"s\" site2=\"d\"/></equality>",
+                "<joint name=\"q\"/><site name=\"s\" pos=\"1 0 0.5\"/>",
+            ),
+            "the ends of the equation `s_d` are 0.5 m apart along axis 3",
+            "move one of the two sites",
+        ),
         (mujoco("", "<joint/><frame><joint/></frame>"), "`joint` stands in a `frame`", "into the body"),
         (
             mujoco("", "<joint/><body euler=\"1 2 3\" quat=\"1 0 0 0\"/>"),
@@ -458,14 +481,16 @@ fn wrong_mujoco_models_are_refused_with_the_reason_and_the_fix() {
 fn forces_and_equations_that_are_not_taken_are_told_by_name() {
     let text = mujoco(
         "<tendon><fixed name=\"cord\"><joint joint=\"q\" coef=\"1\"/></fixed></tendon>\
-         <equality><weld name=\"glue\" body1=\"b\" body2=\"world\"/></equality>\
+         <worldbody><body name=\"c\"><freejoint/><geom size=\"0.1\"/></body></worldbody>\
+         <equality><weld name=\"glue\" body1=\"b\" body2=\"c\"/><tendon name=\"pull\" tendon1=\"cord\"/></equality>\
          <actuator><muscle name=\"flexor\" joint=\"q\"/><motor name=\"puller\" tendon=\"cord\"/></actuator>",
         "<joint name=\"q\"/>",
     );
     let notes = imported(&text, &Options::default()).notes;
     for told in [
         "the tendon `cord` is not taken",
-        "the equation `glue`, a weld, is not taken; it joins b and world",
+        "the equation `glue` joins bodies that move freely of each other: it is not taken",
+        "the equation `pull`, a tendon, is not taken; it joins cord",
         "the muscle `flexor` is not taken: it is a `muscle`",
         "the motor `puller` is not taken: it acts on no joint",
     ] {

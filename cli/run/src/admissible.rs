@@ -117,8 +117,8 @@ fn slopes_of_positions(dynamics: &dyn Dynamics, places: &Places, y: &[f64]) -> V
     let mut sums = vec![Slopes::default(); places.constraint.len()];
     let mut moved = y.to_vec();
     for k in (0..y.len()).filter(|k| !places.velocities.contains(k)) {
-        // Of an angle after many turns, no more than a thousandth.
-        let step = if y[k] == 0.0 { 1e-6 } else { 1e-6 * y[k].abs().min(1e3) };
+        // Of an angle after many turns, no more than a thousandth; of zero with rounding, more than that is.
+        let step = if y[k] == 0.0 { 1e-6 } else { 1e-6 * y[k].abs().clamp(1e-6, 1e3) };
         let mut at = |x: f64| {
             moved[k] = x;
             dynamics.outputs(0.0, &moved)

@@ -94,6 +94,9 @@ pub fn state(
             velocities: &velocities,
         };
         settle(&mut conditions, &mut y, &origins, &velocities)?;
+        if let Some(reason) = prior.refusal(&asked_names, &y) {
+            return Err(Error::State { path: "initial".into(), reason });
+        }
         let y = own_state(&y)?;
         forms.hold(given.iter().map(|(name, value)| (name.as_str(), *value)), &y)?;
         eval(

@@ -22,6 +22,7 @@
 mod axis;
 mod floats;
 mod joints;
+mod loops;
 mod mjcf;
 mod names;
 mod number;

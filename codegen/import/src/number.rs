@@ -197,6 +197,9 @@ impl Digits {
     }
 }
 
+/// Zero as a vector is written.
+pub(crate) const ZERO: &str = "[0, 0, 0]";
+
 /// A vector of the model language.
 pub(crate) fn vector(entries: &[Number]) -> String {
     let entries: Vec<String> = entries.iter().map(Number::in_radians).collect();

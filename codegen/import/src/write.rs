@@ -9,14 +9,13 @@
 //!
 //! Deliberately does not know: XML, how equations are derived.
 
-mod loops;
-
 use std::fmt::Write as _;
 
 use crate::floats::Floats;
 use crate::joints::{self, Motion};
+use crate::loops::{Loops, OF_LOOP};
 use crate::names::Names;
-use crate::number::{Number, vector};
+use crate::number::{Number, ZERO, vector};
 use crate::options::{Limits, Options};
 use crate::parameters::{OF_PLACE, Parameters, parameters};
 use crate::problems::Problems;
@@ -70,9 +69,6 @@ impl Carried {
     }
 }
 
-/// Zero as a vector is written.
-const ZERO: &str = "[0, 0, 0]";
-
 struct Writer<'a> {
     /// With names of parameters in the place of lengths and angles.
     robot: &'a Robot,
@@ -110,7 +106,7 @@ pub(crate) fn items(file: &Robot, options: &Options, problems: &mut Problems) ->
         robot.joints.iter().map(|joint| names.take(&joint.name, joints::around(joint))).collect();
     let of_link: Vec<&str> = OF_LINK.iter().chain(OF_PLACE).copied().collect();
     let links: Vec<String> = robot.links.iter().map(|link| names.take(&link.name, &of_link)).collect();
-    let of_loop: Vec<&str> = loops::OF_LOOP.iter().chain(OF_PLACE).copied().collect();
+    let of_loop: Vec<&str> = OF_LOOP.iter().chain(OF_PLACE).copied().collect();
     let loop_names: Vec<String> =
         robot.loops.iter().map(|closed| names.take(&closed.name, &of_loop)).collect();
     for (joint, name) in robot.joints.iter().zip(&joints) {
@@ -344,6 +340,28 @@ impl Writer<'_> {
         }
         self.carried[link] = Some(Carried { carrier: link, place: None, turn: None });
         self.body(link);
+    }
+
+    fn loops(&mut self, problems: &mut Problems) {
+        for k in 0..self.robot.loops.len() {
+            let Some(ways) = self.of_loops().ways(k, problems) else { continue };
+            for joint in ways.iter().flat_map(|way| &way.joints) {
+                self.declare_frame_of(*joint);
+                self.has_coordinates(*joint, problems);
+            }
+            let items = self.of_loops().items(k, &ways, problems);
+            self.out.push_str(&items);
+        }
+    }
+
+    fn of_loops(&self) -> Loops<'_> {
+        Loops {
+            robot: self.robot,
+            file: self.file,
+            names: &self.loop_names,
+            declared: &self.parameters.of_loop,
+            moved: &self.moved,
+        }
     }
 
     /// The numbers of the frame of a joint as parameters, once.

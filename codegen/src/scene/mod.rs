@@ -27,6 +27,7 @@ mod frames;
 mod gradients;
 mod groups;
 mod implicit;
+mod implied;
 mod interpreter;
 mod invariants;
 pub mod nearest;

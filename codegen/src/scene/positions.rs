@@ -1,9 +1,9 @@
 //! Residuals of the equations between coordinates of a scene, with their gradients: what initial values have to satisfy
 //! and projection keeps.
 //!
-//! Coordinates that are points of circles stay on their circles when they are moved to satisfy an equation, and
-//! advected vectors keep their lengths where the motion keeps these, which their rates prove: these functions follow
-//! the residuals, and are kept at their values.
+//! Coordinates that are points of circles stay on their circles when they are moved to satisfy an equation, matrices in
+//! their groups, and advected vectors keep their lengths where the motion keeps these, which their rates prove: these
+//! functions follow the residuals, and are kept at their values.
 //!
 //! Deliberately does not know: how anything is differentiated, lowered or emitted, who solves the equations.
 
@@ -60,12 +60,16 @@ pub(super) fn find(
     }
     let mut functions: Vec<(String, ExprId)> =
         positions.iter().map(|p| (p.name.clone(), p.residual)).collect();
+    let (of_groups, in_groups) = of_groups(g, equations, &touched);
+    touched.extend(&in_groups);
+    functions.extend(of_groups);
     let circles = equations.system.circles.iter();
     let circles = circles.map(|c| (format!("{}_circle", c.angle), vec![c.cosine, c.sine]));
     let advected = equations.system.blocks.iter().filter(|b| b.kind == BlockKind::Advected);
     let advected = advected.map(|b| (format!("{0}_dot_{0}", b.name), b.components.clone()));
     for (name, vector) in circles.chain(advected) {
-        if !vector.iter().any(|symbol| touched.contains(symbol)) {
+        let is_in_group = vector.iter().any(|symbol| in_groups.contains(symbol));
+        if is_in_group || !vector.iter().any(|symbol| touched.contains(symbol)) {
             continue;
         }
         // Not every group that moves an advected parameter turns it: a height that a velocity raises keeps nothing.
@@ -93,6 +97,35 @@ pub(super) fn find(
     let all = |_: &mut Graph, rows: &[Vec<ExprId>]| (0..rows.len()).collect();
     let found = with_gradients(g, equations, state, (&functions, &touched), &words, all);
     Ok((found, PositionLayout { n_equations: positions.len(), moved }))
+}
+
+/// Functions that keep a matrix in its group where `touched` has a component of it, and all components of these
+/// matrices.
+fn of_groups(
+    g: &Graph,
+    equations: &Equations,
+    touched: &BTreeSet<SymbolId>,
+) -> (Vec<(String, ExprId)>, BTreeSet<SymbolId>) {
+    let all = &equations.system.group_equations;
+    // A determinant follows from the form of its matrix, up to its sign.
+    let follows = |name: &str| {
+        let form = name.strip_suffix("_det").map(|matrix| format!("{matrix}_form_"));
+        form.is_some_and(|form| all.iter().any(|(other, _)| other.starts_with(&form)))
+    };
+    let mut found = Vec::new();
+    let mut components = BTreeSet::new();
+    let mut open: Vec<&(String, ExprId)> = all.iter().filter(|(name, _)| !follows(name)).collect();
+    // Entries of one row lead to the other rows.
+    loop {
+        let is_linked = |e: ExprId| g.depends_on(e, touched) || g.depends_on(e, &components);
+        let (linked, others): (Vec<_>, Vec<_>) = open.into_iter().partition(|(_, e)| is_linked(*e));
+        if linked.is_empty() {
+            return (found, components);
+        }
+        components.extend(linked.iter().flat_map(|(_, e)| g.free_symbols(*e)));
+        found.extend(linked.into_iter().cloned());
+        open = others;
+    }
 }
 
 /// The equations between what a state carries; none of them where there is one that contains a coordinate which is left

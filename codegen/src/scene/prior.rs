@@ -12,6 +12,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::implied::Implied;
 use super::roles::{VariableRole, all_params, initial_values, variable_roles};
 use hamel_expr::{ExprId, SymbolId};
 use hamel_lang::spec::{Domain, Model, circle_names};
@@ -61,6 +62,7 @@ pub struct Prior {
     points: BTreeMap<String, f64>,
     /// Whether the model gives no initial value at all.
     is_silent: bool,
+    implied: Option<Implied>,
 }
 
 impl Prior {
@@ -74,7 +76,13 @@ impl Prior {
         };
         let points = model.base.iter().flat_map(|c| point(&c.name)).collect();
         let (initial, is_silent) = (initial_values(model, &params), model.initial.is_empty());
-        Prior { roles, initial, points, is_silent }
+        Prior { roles, initial, points, is_silent, implied: Implied::of(model, &params) }
+    }
+
+    /// Why a state with its components by name cannot be a start, though it keeps the equations of the scene: one that
+    /// was left out does not hold there.
+    pub fn refusal(&self, names: &[String], state: &[f64]) -> Option<String> {
+        self.implied.as_ref()?.refusal(names, state)
     }
 
     /// Names of the parameters that the rule depends on for a model: those in initial values and in ends of intervals.

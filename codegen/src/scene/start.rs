@@ -87,6 +87,10 @@ pub fn start(model: &Model, scene: &BuiltScene) -> Result<Option<Start>, Error> 
             failure = failure.or(Some(error));
             continue;
         }
+        if let Some(reason) = prior.refusal(&form.names, &y) {
+            failure = failure.or(Some(Missed::Positions(reason)));
+            continue;
+        }
         let Some(state) = form.own_state(&interpreter, &y) else { continue };
         let mut rates = vec![0.0; state.len()];
         interpreter.rhs(0.0, &state, &mut rates);

@@ -1,4 +1,4 @@
-//! Equations between joints, and those that close loops.
+//! Equations between joints, and equations that close loops.
 //!
 //! Deliberately does not know: the model language.
 

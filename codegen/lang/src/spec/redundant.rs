@@ -15,7 +15,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::diagnostic::{Diagnostic, Diagnostics};
-use super::model::{Constraint, Implied, Model, PositionEquation};
+use super::model::{Constraint, Domain, Implied, Model, PositionEquation};
 use hamel_expr::{ExprId, Graph, SymbolId, rational_to_f64, uniform};
 
 /// How many points say that gradients depend on each other, and how many are tried for each.
@@ -28,6 +28,10 @@ const REACH: f64 = 0.1;
 
 /// How far parameters are from their defaults, as a part of these.
 const SPREAD: f64 = 0.3;
+
+/// Where coordinates are that the model does not give, if zero is no answer: the first, and the distance of each to the
+/// next.
+const BESIDE: [f64; 2] = [0.4, 0.17];
 
 const MAX_ITERATIONS: usize = 60;
 
@@ -100,19 +104,20 @@ fn texts(model: &Model) -> Vec<String> {
 /// What the equations between the coordinates of a model are, where they depend on each other next to its start: at
 /// zero where the model gives none, and where that is no answer, as linkages may be singular there, beside it.
 fn redundant(model: &Model, texts: &[String]) -> Option<Found> {
-    let found = redundant_at(model, texts, |_| 0.0)?;
+    let found = redundant_at(model, texts, None)?;
     let is_given = |name: &String| model.initial.iter().any(|(given, _)| given == name);
     if matches!(found, Found::Implied { .. }) || model.base.iter().all(|c| is_given(&c.name)) {
         return Some(found);
     }
-    match redundant_at(model, texts, |k| 0.4 + 0.17 * k as f64) {
+    match redundant_at(model, texts, Some(BESIDE)) {
         Some(beside @ Found::Implied { .. }) => Some(beside),
         _ => Some(found),
     }
 }
 
-/// As [`redundant`], with coordinates that the model does not give by their places.
-fn redundant_at(model: &Model, texts: &[String], open: impl Fn(usize) -> f64) -> Option<Found> {
+/// As [`redundant`]; where coordinates that the model does not give are, the first of them and the distance of each to
+/// the next.
+fn redundant_at(model: &Model, texts: &[String], open: Option<[f64; 2]>) -> Option<Found> {
     let graph = &model.graph;
     let coordinates: Vec<SymbolId> = model.base.iter().map(|c| c.symbol).collect();
     let params = model.params.iter().map(|p| p.symbol);
@@ -185,13 +190,22 @@ fn redundant_at(model: &Model, texts: &[String], open: impl Fn(usize) -> f64) ->
 }
 
 impl Loops<'_> {
-    /// Coordinates as the model gives them, and others by their places.
-    fn start(&self, model: &Model, open: impl Fn(usize) -> f64) -> Vec<f64> {
+    /// Coordinates as the model gives them; others as `open` says, or at zero, in the middle of their intervals where
+    /// that is outside.
+    fn start(&self, model: &Model, open: Option<[f64; 2]>) -> Vec<f64> {
+        let neutral = |k: usize| match model.base[k].domain {
+            Domain::Angle | Domain::Real => 0.0,
+            Domain::Interval(from, to) => {
+                let [from, to] = [from, to].map(|e| self.graph.eval_f64(e, &self.others).unwrap_or(0.0));
+                if from < 0.0 && 0.0 < to { 0.0 } else { from + (to - from) / 2.0 }
+            }
+        };
+        let other = |k: usize| open.map_or_else(|| neutral(k), |[first, apart]| first + apart * k as f64);
         let given = |k: usize| {
             let (_, e) = model.initial.iter().find(|(name, _)| *name == model.base[k].name)?;
             self.graph.eval_f64(*e, &self.others)
         };
-        (0..self.coordinates.len()).map(|k| given(k).unwrap_or_else(|| open(k))).collect()
+        (0..self.coordinates.len()).map(|k| given(k).unwrap_or_else(|| other(k))).collect()
     }
 
     fn values(&self, x: &[f64]) -> Option<Vec<f64>> {

@@ -132,20 +132,15 @@ pub(super) fn group_equations(g: &mut Graph, item: &Reconstruction, side: Side) 
     matrix_group::equations(g, group, (name, &coordinates), side)
 }
 
-/// Functions of the coordinates of a configuration that a motion keeps because it stays in the group.
+/// Functions of the coordinates of a configuration whose values a motion keeps because it stays in the group. Told in a
+/// frame that turns, it keeps its form alone, `g M g^T = M`, and not any other value of `g M g^T`.
 pub(super) fn configuration_equations(
     g: &mut Graph,
     item: &Configuration,
     side: Side,
 ) -> Vec<(String, ExprId)> {
     let coordinates: Vec<ExprId> = item.symbols.iter().map(|s| g.sym(*s)).collect();
-    let mut kept = matrix_group::equations(g, &item.group, (&item.name, &coordinates), side);
-    if !item.relative.is_empty() {
-        // The frame that it is told in turns `g M g^T`.
-        let form = format!("{}_form_", item.name);
-        kept.retain(|(name, _)| !name.starts_with(&form));
-    }
-    kept
+    matrix_group::equations(g, &item.group, (&item.name, &coordinates), side)
 }
 
 /// `|q|^2 R(q)`, or its transpose for a right action: `(w^2 - u.u) 1 + 2 u u^T +- 2 w [u]`.

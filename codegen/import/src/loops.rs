@@ -8,98 +8,115 @@
 //!
 //! Deliberately does not know: XML, energies.
 
-use super::{Writer, ZERO};
-use crate::number::{Number, vector};
+use std::fmt::Write as _;
+
+use crate::number::{Number, ZERO, vector};
 use crate::problems::Problems;
-use crate::robot::{End, Held, JointKind, Loop, Pose};
+use crate::robot::{End, Held, JointKind, Loop, Pose, Robot};
 use crate::rotation::{Axis, Rotation, Turn};
 
 /// Everything that is named after a loop, beside the parameters of its places.
-pub(super) const OF_LOOP: [&str; 6] = ["*", "one_*", "other_*", "held_*", "turn_*", "attitude_*"];
+pub(crate) const OF_LOOP: [&str; 6] = ["*", "one_*", "other_*", "held_*", "turn_*", "attitude_*"];
 
-/// The joints from the shared link to one end, and the frame there.
-struct Way {
-    joints: Vec<usize>,
+/// The joints from the shared link to one end.
+#[derive(Clone, Debug)]
+pub(crate) struct Way {
+    pub(crate) joints: Vec<usize>,
     link: usize,
 }
 
-impl Writer<'_> {
-    pub(super) fn loops(&mut self, problems: &mut Problems) {
-        for k in 0..self.robot.loops.len() {
-            self.close(k, problems);
-        }
+/// Loops of a robot, by names of its model.
+pub(crate) struct Loops<'a> {
+    /// With names of parameters in the place of numbers.
+    pub(crate) robot: &'a Robot,
+    /// With the numbers of the file.
+    pub(crate) file: &'a Robot,
+    pub(crate) names: &'a [String],
+    /// Items that declare the ends of a loop, by loop.
+    pub(crate) declared: &'a [String],
+    /// Places and rotations of links in the frames of their joints, by joint, where that has a coordinate.
+    pub(crate) moved: &'a [Option<(Option<String>, Option<String>)>],
+}
+
+impl Loops<'_> {
+    /// The ways from the last link that both ends of a loop share. Nothing, and a note, where no equation joins them.
+    pub(crate) fn ways(&self, k: usize, problems: &mut Problems) -> Option<[Way; 2]> {
+        let closed = &self.robot.loops[k];
+        let links = [closed.first.0, closed.second.link];
+        let [a, b] = links.map(|link| self.chain(link));
+        let n_shared = a.iter().zip(&b).take_while(|(a, b)| a == b).count();
+        let [one, other] = links;
+        let ways = [
+            Way { joints: a[n_shared..].to_vec(), link: one },
+            Way { joints: b[n_shared..].to_vec(), link: other },
+        ];
+        let Some(reason) = self.refusal(&ways) else { return Some(ways) };
+        let help = "write a `constraint` between their velocities into the model";
+        let message = format!("the equation `{}` {reason}: it is not taken", closed.name);
+        problems.note_with_help(&closed.span, message, help);
+        None
     }
 
-    fn close(&mut self, k: usize, problems: &mut Problems) {
+    /// The equations of a loop; the frames of joints on its ways are declared before.
+    pub(crate) fn items(&self, k: usize, ways: &[Way; 2], problems: &mut Problems) -> String {
         let closed = &self.robot.loops[k];
-        let ways = self.ways(closed.first.0, closed.second.link);
-        if let Some(reason) = self.refusal(&ways) {
-            let help = "write a `constraint` between their velocities into the model";
-            let message = format!("the equation `{}` {reason}: it is not taken", closed.name);
-            problems.note_with_help(&closed.span, message, help);
-            return;
-        }
-        for joint in ways.iter().flat_map(|way| way.joints.clone()) {
-            self.declare_frame_of(joint);
-            self.has_coordinates(joint, problems);
-        }
-        let plane = self.plane(closed, &ways);
+        let plane = self.plane(closed, ways);
         if let Some(axis) = plane
-            && let Some(gap) = self.gap(k, &ways, axis)
+            && let Some(gap) = self.gap(k, ways, axis)
         {
             let message = format!(
-                "the ends of the equation `{}` are {} m apart along the axis {} of all of its joints",
+                "the ends of the equation `{}` are {} m apart along axis {}, about which all of its joints turn",
                 closed.name,
                 gap.text,
                 axis + 1
             );
             problems.error(&closed.span, message, "move one of the two sites");
-            return;
+            return String::new();
         }
-        let name = self.loop_names[k].clone();
-        let [one, other] = [&ways[0], &ways[1]].map(|way| self.robot.links[way.link].name.clone());
-        let what = match closed.held {
+        let name = &self.names[k];
+        let [one, other] = [&ways[0], &ways[1]].map(|way| &self.robot.links[way.link].name);
+        let held = match closed.held {
             Held::Point => "a point",
             Held::Frame => "a frame",
         };
-        self.line(&format!("\n// {}: {what} of {one} is one of {other}.", closed.name));
-        self.out.push_str(&self.parameters.of_loop[k].clone());
-        let second = self.second(closed, &ways);
-        let mut held = second.place;
+        let mut out =
+            format!("\n// {}: {held} of {one} is one of {other}.\n{}", closed.name, self.declared[k]);
+        let second = self.second(closed, ways);
+        let mut place = second.place;
         if second.is_found {
-            self.line(&format!("let held_{name} = {held};"));
-            held = format!("held_{name}");
+            _ = writeln!(out, "let held_{name} = {place};");
+            place = format!("held_{name}");
         }
         let first = vector(&closed.first.1.place);
-        self.line(&format!("let one_{name} = {};", sum(&self.point(&ways[0].joints, &first, true))));
-        self.line(&format!("let other_{name} = {};", sum(&self.point(&ways[1].joints, &held, true))));
-        let kept: Vec<usize> = (0..3).filter(|axis| plane != Some(*axis)).collect();
+        _ = writeln!(out, "let one_{name} = {};", sum(&self.point(&ways[0].joints, &first, true)));
+        _ = writeln!(out, "let other_{name} = {};", sum(&self.point(&ways[1].joints, &place, true)));
         let of = |side: &str| match plane {
             None => format!("{side}_{name}"),
-            Some(_) => {
-                let entries: Vec<String> =
-                    kept.iter().map(|axis| format!("{side}_{name}[{}]", axis + 1)).collect();
+            Some(left_out) => {
+                let kept = (0..3).filter(|axis| *axis != left_out);
+                let entries: Vec<String> = kept.map(|axis| format!("{side}_{name}[{}]", axis + 1)).collect();
                 format!("[{}]", entries.join(", "))
             }
         };
-        self.line(&format!("constraint {name}: {} = {};", of("one"), of("other")));
+        _ = writeln!(out, "constraint {name}: {} = {};", of("one"), of("other"));
         if closed.held == Held::Frame {
-            self.attitude(closed, &ways, &second.turn, plane, &name);
+            out.push_str(&self.attitude(closed, ways, &second.turn, plane, name));
         }
+        out
     }
 
     /// That the rotation between two frames is the identity.
     fn attitude(
-        &mut self,
+        &self,
         closed: &Loop,
         ways: &[Way; 2],
         second: &[String],
         plane: Option<usize>,
         name: &str,
-    ) {
+    ) -> String {
         let turns = |way: &Way| way.joints.iter().any(|k| self.rotation(*k).is_some());
         if !ways.iter().any(turns) {
-            return;
+            return String::new();
         }
         let one: Vec<String> =
             self.turns(&ways[0].joints, true).into_iter().chain(closed.first.1.turn.text()).collect();
@@ -107,7 +124,7 @@ impl Writer<'_> {
             self.turns(&ways[1].joints, true).into_iter().chain(second.iter().cloned()).collect();
         let back = (!one.is_empty()).then(|| format!("transpose({})", one.join("*")));
         let factors: Vec<String> = back.into_iter().chain(other).collect();
-        self.line(&format!("let turn_{name} = {};", factors.join("*")));
+        let mut out = format!("let turn_{name} = {};\n", factors.join("*"));
         let axes: Vec<usize> = plane.map_or_else(|| vec![0, 1, 2], |axis| vec![axis]);
         let entries: Vec<String> = axes
             .iter()
@@ -119,21 +136,11 @@ impl Writer<'_> {
                 }
             })
             .collect();
-        let item = match &entries[..] {
-            [entry] => format!("constraint attitude_{name}: {entry} = 0;"),
-            _ => format!("constraint attitude_{name}:\n    [{}] = {ZERO};", entries.join(", ")),
+        _ = match &entries[..] {
+            [entry] => writeln!(out, "constraint attitude_{name}: {entry} = 0;"),
+            _ => writeln!(out, "constraint attitude_{name}:\n    [{}] = {ZERO};", entries.join(", ")),
         };
-        self.line(&item);
-    }
-
-    /// The ways from the last link that both share.
-    fn ways(&self, one: usize, other: usize) -> [Way; 2] {
-        let [a, b] = [one, other].map(|link| self.chain(link));
-        let n_shared = a.iter().zip(&b).take_while(|(a, b)| a == b).count();
-        [
-            Way { joints: a[n_shared..].to_vec(), link: one },
-            Way { joints: b[n_shared..].to_vec(), link: other },
-        ]
+        out
     }
 
     /// The joints from the root to a link.
