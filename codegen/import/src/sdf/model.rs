@@ -48,6 +48,7 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) 
         by_name: BTreeMap::new(),
         joints: Vec::new(),
         offsets: Vec::new(),
+        attached: BTreeMap::new(),
         mimics: Vec::new(),
     };
     builder.links(model);
@@ -78,6 +79,8 @@ struct Builder<'a, 'r> {
     joints: Vec<Joint>,
     /// Origins of links in the frames of the file.
     offsets: Vec<[Number; 3]>,
+    /// What frames are attached to, by their names.
+    attached: BTreeMap<&'a str, &'a str>,
     /// Axes with an element `mimic`, by the places of their joints.
     mimics: Vec<(usize, Element<'a>)>,
 }
@@ -101,8 +104,11 @@ impl<'a> Builder<'a, '_> {
         }
         for element in reader.children(model, "frame") {
             let Some(name) = reader.required(element, "name") else { continue };
-            let attached = reader.attribute(element, "attached_to").unwrap_or(MODEL);
-            self.frames.add(reader, element, name, attached);
+            let attached = reader.attribute(element, "attached_to").filter(|attached| !attached.is_empty());
+            self.frames.add(reader, element, name, attached.unwrap_or(MODEL));
+            if let Some(attached) = attached {
+                self.attached.insert(name, attached);
+            }
         }
     }
 
@@ -130,6 +136,10 @@ impl<'a> Builder<'a, '_> {
             self.frames.add(reader, element, name, child);
             all.push(Ends { element, name, parent, child });
         }
+        for k in 0..all.len() {
+            let [parent, child] = [all[k].parent, all[k].child].map(|name| self.attached(&all, name));
+            (all[k].parent, all[k].child) = (parent, child);
+        }
         if all.iter().any(|joint| joint.parent == "world") {
             self.link("world", Vec::new(), head(model));
         }
@@ -146,24 +156,23 @@ impl<'a> Builder<'a, '_> {
             };
             let (Some(parent), Some(child)) = (known(ends.parent), known(ends.child)) else { continue };
             let Some(steps) = self.frames.between(reader, ends.child, ends.name) else { continue };
-            let (held, turned) = match &steps[..] {
-                [] => (zeros(), crate::rotation::Turn::none()),
-                [one] if one.anchor.iter().all(Number::is_zero) => (one.place.clone(), one.turn.clone()),
-                _ => {
-                    let message = format!("the frame of joint `{}` is not by its child", ends.name);
-                    reader.error(&head(ends.element), message, "write its `pose` relative to the child");
-                    continue;
-                }
-            };
-            let Some(own) = joints(reader, ends.element, ends.name, &turned) else { continue };
             // Nothing turns about the place of a joint that slides or is fixed.
-            if own.iter().any(|joint| matches!(joint.kind, JointKind::Revolute(_) | JointKind::Ball)) {
-                self.offsets[child] = held;
-            }
-            made.push((ends, parent, child, own));
+            let turns = !matches!(ends.element.attribute("type"), Some("fixed" | "prismatic"));
+            let behind = match &steps[..] {
+                _ if !turns => ends.child,
+                [] => ends.child,
+                [one] if one.anchor.iter().all(Number::is_zero) => {
+                    self.offsets[child] = one.place.clone();
+                    ends.child
+                }
+                _ => ends.name,
+            };
+            let turned = |frame: &str| self.turned(ends, behind, frame);
+            let Some(own) = joints(reader, ends.element, ends.name, &turned) else { continue };
+            made.push((ends, behind, (parent, child), own));
         }
-        for (ends, parent, child, own) in made {
-            self.join(ends, (parent, child), own);
+        for (ends, behind, links, own) in made {
+            self.join(ends, behind, links, own);
         }
         for (link, offset) in self.links.iter_mut().zip(&self.offsets) {
             for inertia in &mut link.inertias {
@@ -172,10 +181,38 @@ impl<'a> Builder<'a, '_> {
         }
     }
 
+    /// The rotation of a frame in the one behind a joint, where that is not one. Nothing after a problem.
+    fn turned(&self, ends: &Ends<'a>, behind: &str, frame: &str) -> Option<Option<String>> {
+        let reader = self.reader;
+        if !self.frames.has(frame) {
+            let message = format!("the axis of joint `{}` is by `{frame}`, which is no frame", ends.name);
+            reader.error(&head(ends.element), message, "name a link, a joint or a frame of this model");
+            return None;
+        }
+        let steps = self.frames.between(reader, behind, frame)?;
+        let turns: Vec<String> = steps.iter().filter_map(|step| step.turn.text()).collect();
+        Some((!turns.is_empty()).then(|| turns.join("*")))
+    }
+
+    /// The link that a frame is attached to, by names; the name of a link is that of its frame.
+    fn attached(&self, all: &[Ends<'a>], name: &'a str) -> &'a str {
+        let mut last = name;
+        for _ in 0..=self.attached.len() + all.len() {
+            let of_joint = all.iter().find(|joint| joint.name == last).map(|joint| joint.child);
+            match self.attached.get(last).copied().or(of_joint) {
+                Some(next) => last = next,
+                None => return last,
+            }
+        }
+        name
+    }
+
     /// Puts the joints of an element between two links, with links of their own where frames are turned on the way.
-    fn join(&mut self, ends: &Ends<'a>, (parent, child): (usize, usize), own: Vec<Joint>) {
+    /// `behind` is the frame that the joints move: that of the child, or that of the joint itself, to which the child
+    /// is fixed.
+    fn join(&mut self, ends: &Ends<'a>, behind: &str, (parent, child): (usize, usize), own: Vec<Joint>) {
         let from = if ends.parent == "world" { MODEL } else { ends.parent };
-        let Some(mut steps) = self.frames.between(self.reader, from, ends.child) else { return };
+        let Some(mut steps) = self.frames.between(self.reader, from, behind) else { return };
         let start = &self.offsets[parent];
         if !start.iter().all(Number::is_zero) || steps.is_empty() {
             let place = start.each_ref().map(Number::negative);
@@ -189,22 +226,15 @@ impl<'a> Builder<'a, '_> {
             let target = if last.turn.is_none() { &mut last.place } else { &mut last.anchor };
             *target = std::array::from_fn(|k| target[k].plus(&end[k]));
         }
-        let span = place(ends.element, "name");
-        let mut at = parent;
         let n_before = steps.len() - 1;
-        for (n, step) in steps.drain(..n_before).enumerate() {
-            let name = format!("{}_frame{}", ends.name, n + 1);
-            let link = self.link(&name, Vec::new(), span.clone());
-            let mut joint = Joint::new(name, JointKind::Fixed, (at, link), span.clone());
-            joint.pose = step;
-            self.joints.push(joint);
-            at = link;
-        }
+        let mut at = self.fix(ends, parent, steps.drain(..n_before), None);
+        let is_apart = behind != ends.child;
         let n_own = own.len();
         for (n, mut joint) in own.into_iter().enumerate() {
             let link = match n + 1 == n_own {
-                true => child,
-                false => self.link(&format!("{}_cross", ends.name), Vec::new(), span.clone()),
+                true if !is_apart => child,
+                true => self.link(&format!("{}_moved", ends.name), Vec::new(), place(ends.element, "name")),
+                false => self.link(&format!("{}_cross", ends.name), Vec::new(), place(ends.element, "name")),
             };
             (joint.parent, joint.child) = (at, link);
             if let Some(step) = steps.pop() {
@@ -218,6 +248,36 @@ impl<'a> Builder<'a, '_> {
             self.joints.push(joint);
             at = link;
         }
+        if is_apart && let Some(steps) = self.frames.between(self.reader, behind, ends.child) {
+            self.fix(ends, at, steps.into_iter(), Some(child));
+        }
+    }
+
+    /// Fixes frames to a link, one behind the other, the last one to `end`; the last link.
+    fn fix(
+        &mut self,
+        ends: &Ends<'a>,
+        mut at: usize,
+        steps: impl ExactSizeIterator<Item = Pose>,
+        end: Option<usize>,
+    ) -> usize {
+        let span = place(ends.element, "name");
+        let n_steps = steps.len();
+        for (n, step) in steps.enumerate() {
+            let name = match end {
+                None => format!("{}_frame{}", ends.name, n + 1),
+                Some(_) => format!("{}_back{}", ends.name, n + 1),
+            };
+            let link = match end.filter(|_| n + 1 == n_steps) {
+                Some(end) => end,
+                None => self.link(&name, Vec::new(), span.clone()),
+            };
+            let mut joint = Joint::new(name, JointKind::Fixed, (at, link), span.clone());
+            joint.pose = step;
+            self.joints.push(joint);
+            at = link;
+        }
+        at
     }
 }
 
