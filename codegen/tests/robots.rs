@@ -485,6 +485,29 @@ fn wrong_mujoco_models_are_refused_with_the_reason_and_the_fix() {
     assert!(refused.contains("the root is the ground"), "{refused}");
 }
 
+/// A class of one kind of motor says nothing to motors of another kind; gears and `general` are of all.
+///
+/// # Source
+/// `actuator_gainprm` and `actuator_biasprm` of MuJoCo 4.0.0 for these files.
+#[test]
+fn classes_of_motors_are_by_their_kind() {
+    let servo = "<position kp=\"7\" kv=\"2\" gear=\"3\"/>";
+    let cases = [
+        (servo, "<velocity joint=\"q\"/>", "kv_q*(ctrl_q - gear_q*q_dot)", "kv_q = 1;"),
+        (servo, "<velocity joint=\"q\" kv=\"5\"/>", "kv_q*(ctrl_q - gear_q*q_dot)", "kv_q = 5;"),
+        (servo, "<position joint=\"q\" kp=\"5\"/>", "- kv_q*gear_q*q_dot)", "kv_q = 2;"),
+        (servo, "<general joint=\"q\"/>", "- kv_q*gear_q*q_dot)", "kp_q = 7;"),
+        (servo, "<motor joint=\"q\"/>", "force q_dot = gear_q*ctrl_q;", "gear_q = 3;"),
+        ("<velocity kv=\"3\"/>", "<position joint=\"q\" kp=\"5\"/>", "kp_q*(ctrl_q - q);", "kp_q = 5;"),
+        ("<general gainprm=\"4\"/>", "<velocity joint=\"q\"/>", "kv_q*(ctrl_q - q_dot);", "kv_q = 4;"),
+    ];
+    for (class, motor, force, value) in cases {
+        let head = format!("<default>{class}</default><actuator>{motor}</actuator>");
+        let text = imported(&mujoco(&head, "<joint name=\"q\"/>"), &Options::default()).text;
+        assert!(text.contains(force) && text.contains(value), "{class} {motor}:\n{text}");
+    }
+}
+
 /// What a model of MuJoCo has and hamel has not is told with the fix, by name.
 #[test]
 fn forces_and_equations_that_are_not_taken_are_told_by_name() {
