@@ -22,7 +22,9 @@ const ROVER: &str = include_str!("robots/rover.xml");
 const LINKAGE: &str = include_str!("robots/linkage.xml");
 const HOPPER: &str = include_str!("robots/hopper.xml");
 const WRIST: &str = include_str!("robots/wrist.xml");
+const GATE: &str = include_str!("robots/gate.sdf");
 const REFERENCE_LOOPS: &str = include_str!("robots/reference_loops.txt");
+const STICK: &str = include_str!("robots/stick.xml");
 const REFERENCE_MUJOCO: &str = include_str!("robots/reference_mujoco.txt");
 
 fn files(name: &str) -> io::Result<String> {
@@ -106,7 +108,7 @@ fn floating() -> Options {
 /// Loops by points, sites and frames, in planes and in space, on the ground and on a body that moves freely.
 #[test]
 fn rates_of_loops_are_those_of_mujocos_matrices() {
-    for (robot, text) in [("linkage", LINKAGE), ("hopper", HOPPER), ("wrist", WRIST)] {
+    for (robot, text) in [("linkage", LINKAGE), ("hopper", HOPPER), ("wrist", WRIST), ("gate", GATE)] {
         let found = difference(text, &without_limits(), REFERENCE_LOOPS, robot);
         // States of the reference keep the equations to 1e-13, its differences have eleven digits.
         assert!(found < 1e-9, "{robot}: {found:e}");
@@ -198,6 +200,51 @@ fn rates_of_sdf_are_those_of_pinocchio() {
     assert!(found > 1e6 * TOLERANCE, "{found:e}");
 }
 
+/// Frames of joints and of axes, wherever they are written, move the arm alike.
+#[test]
+fn frames_of_joints_and_axes_in_sdf_are_those_of_the_arm() {
+    let shoulder = "<pose>0 0 0 0 0 1.5707963267948966</pose>";
+    let axis = "<xyz>0.7 0 -0.4</xyz>";
+    // The frame of the joint by that of the base, then by an angle that is no quarter turn.
+    let by_base =
+        "<pose relative_to=\"base\" rotation_format=\"quat_xyzw\">0.1 -0.2 0.3 0.5 -0.5 0.5 0.5</pose>";
+    let turned = "<pose>0 0 0 0 0 0.3</pose>";
+    // Rot(e3, -0.3) [0, 0.7, -0.4]
+    let by_turned = "<xyz>0.20686414466293772 0.66873554238792423 -0.4</xyz>";
+    let parent = "<parent>motor</parent>";
+    let cases: [&[(&str, &str)]; 7] = [
+        &[(shoulder, by_base)],
+        &[(axis, "<xyz expressed_in=\"upper arm\">0 0.7 -0.4</xyz>")],
+        &[(axis, "<xyz expressed_in=\"__model__\">0 0.4 0.7</xyz>")],
+        &[(axis, "<xyz>0 0.4 0.7</xyz><use_parent_model_frame>1</use_parent_model_frame>")],
+        &[(shoulder, by_base), (axis, "<xyz expressed_in=\"base\">0 0.4 0.7</xyz>")],
+        &[(shoulder, turned), (axis, by_turned)],
+        // A frame in the place of the link that it is attached to.
+        &[(parent, "<parent>tilted bracket</parent>")],
+    ];
+    for changes in cases {
+        let mut text = ARM_SDF.to_owned();
+        for (right, other) in changes {
+            assert_eq!(text.matches(right).count(), 1, "{right}");
+            text = text.replace(right, other);
+        }
+        let found = difference(&text, &Options::default(), REFERENCE, "arm");
+        assert!(found < TOLERANCE, "{changes:?}: {found:e}");
+    }
+    // Axes were in the frame of the model up to version 1.4.
+    let of_version = |version: &str, expressed: &str| {
+        let text = format!(
+            "<sdf version=\"{version}\"><model name=\"m\"><link name=\"a\"><pose>0 0 1 0.4 0 0</pose></link>\
+             <joint name=\"q\" type=\"revolute\"><parent>world</parent><child>a</child>\
+             <axis><xyz{expressed}>0 1 0</xyz></axis></joint></model></sdf>"
+        );
+        import("robot.sdf", &text, &Options::default()).unwrap_or_else(|e| panic!("{e}")).text
+    };
+    assert_eq!(of_version("1.4", ""), of_version("1.9", " expressed_in=\"__model__\""));
+    assert_eq!(of_version("1.5", ""), of_version("1.9", ""));
+    assert_ne!(of_version("1.4", ""), of_version("1.5", ""));
+}
+
 /// A model in SDF of a link that a joint holds in the world.
 fn sdf(joint: &str, link: &str) -> String {
     format!(
@@ -230,9 +277,9 @@ fn wrong_sdf_models_are_refused_with_the_reason_and_the_fix() {
         (other("revolute", ""), "joint `q` has no `axis`", "xyz"),
         (other("revolute", "<axis><xyz>0 0 0</xyz></axis>"), "the axis of joint `q` is zero", "direction"),
         (
-            other("revolute", "<axis><xyz expressed_in=\"a\">0 1 0</xyz></axis>"),
-            "by another frame",
-            "turn the `pose`",
+            other("revolute", "<axis><xyz expressed_in=\"b\">0 1 0</xyz></axis>"),
+            "the axis of joint `q` is by `b`, which is no frame",
+            "name a link",
         ),
         (
             other("revolute", &format!("{axis}<pose>0 0</pose>")),
@@ -255,6 +302,16 @@ fn wrong_sdf_models_are_refused_with_the_reason_and_the_fix() {
             "name a link",
         ),
         (sdf("type=\"fixed\"><child>a</child>", ""), "joint `q` has no `parent`", "<parent>"),
+        (
+            sdf(
+                "type=\"prismatic\"><parent>world</parent><child>a</child>\
+                 <axis><xyz>1 0 0</xyz></axis></joint><joint name=\"p\" type=\"prismatic\"><parent>world</parent>\
+                 <child>a</child><axis><xyz>0 0 1</xyz></axis>",
+                "",
+            ),
+            "joint `p` closes a loop, and has no equation for that",
+            "revolute, ball or fixed",
+        ),
         (
             other("revolute", "<axis><xyz>0 1 0</xyz><mimic joint=\"p\"/></axis>"),
             "there is no joint `p`",
@@ -286,7 +343,7 @@ fn without_limits() -> Options {
 
 #[test]
 fn rates_are_those_of_mujoco() {
-    for (robot, text) in [("crane", CRANE), ("flock", FLOCK), ("rover", ROVER)] {
+    for (robot, text) in [("crane", CRANE), ("flock", FLOCK), ("rover", ROVER), ("stick", STICK)] {
         let found = difference(text, &without_limits(), REFERENCE_MUJOCO, robot);
         assert!(found < TOLERANCE, "{robot}: {found:e}");
     }
@@ -474,6 +531,29 @@ fn wrong_mujoco_models_are_refused_with_the_reason_and_the_fix() {
     }
     let refused = import("robot.xml", FLOCK, &floating()).expect_err("floating").to_string();
     assert!(refused.contains("the root is the ground"), "{refused}");
+}
+
+/// A class of one kind of motor says nothing to motors of another kind; gears and `general` are of all.
+///
+/// # Source
+/// `actuator_gainprm` and `actuator_biasprm` of MuJoCo 4.0.0 for these files.
+#[test]
+fn classes_of_motors_are_by_their_kind() {
+    let servo = "<position kp=\"7\" kv=\"2\" gear=\"3\"/>";
+    let cases = [
+        (servo, "<velocity joint=\"q\"/>", "kv_q*(ctrl_q - gear_q*q_dot)", "kv_q = 1;"),
+        (servo, "<velocity joint=\"q\" kv=\"5\"/>", "kv_q*(ctrl_q - gear_q*q_dot)", "kv_q = 5;"),
+        (servo, "<position joint=\"q\" kp=\"5\"/>", "- kv_q*gear_q*q_dot)", "kv_q = 2;"),
+        (servo, "<general joint=\"q\"/>", "- kv_q*gear_q*q_dot)", "kp_q = 7;"),
+        (servo, "<motor joint=\"q\"/>", "force q_dot = gear_q*ctrl_q;", "gear_q = 3;"),
+        ("<velocity kv=\"3\"/>", "<position joint=\"q\" kp=\"5\"/>", "kp_q*(ctrl_q - q);", "kp_q = 5;"),
+        ("<general gainprm=\"4\"/>", "<velocity joint=\"q\"/>", "kv_q*(ctrl_q - q_dot);", "kv_q = 4;"),
+    ];
+    for (class, motor, force, value) in cases {
+        let head = format!("<default>{class}</default><actuator>{motor}</actuator>");
+        let text = imported(&mujoco(&head, "<joint name=\"q\"/>"), &Options::default()).text;
+        assert!(text.contains(force) && text.contains(value), "{class} {motor}:\n{text}");
+    }
 }
 
 /// What a model of MuJoCo has and hamel has not is told with the fix, by name.

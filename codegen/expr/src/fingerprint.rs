@@ -28,7 +28,7 @@
 //! Two different functions of total degree `d` agree at one random point with probability at most `d/p` (Schwartz,
 //! 1980; Zippel, 1979), provided that `p` divides no number that matters. A sine counts as `2 DENOMINATOR` here, as
 //! angles are multiples of a fraction of their terms. With four valid points and a degree of 1000 in sines a false
-//! zero has probability below `1e-36`. Between numbers alone points do not differ, and the chance is that of `p`,
+//! zero has probability below `1e-28`. Between numbers alone points do not differ, and the chance is that of `p`,
 //! `5e-19`.
 
 use num_bigint::BigInt;

@@ -37,7 +37,7 @@ impl Doubts {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Vanishing {
     /// It vanishes identically: structurally, by exact expansion, or by its values, with a chance of error below
-    /// `1e-36` for functions and `5e-19` for numbers.
+    /// `1e-28` for functions and `5e-19` for numbers.
     Zero,
     /// Proved: it does not vanish identically.
     NonZero,
@@ -57,8 +57,9 @@ pub(super) enum UnknownSign {
 /// Signs, `true` for minus.
 pub(super) type Signs = FxHashMap<UnknownSign, bool>;
 
-/// Coefficients of the terms of arguments may carry denominators dividing this; other arguments are opaque.
-pub(super) const DENOMINATOR: i64 = 720_720;
+/// Coefficients of the terms of arguments may carry denominators dividing this; other arguments are opaque. Small
+/// fractions, and decimal numbers of four digits behind the point.
+pub(super) const DENOMINATOR: i64 = 16 * 9 * 625 * 7 * 11 * 13;
 
 /// The terms that every graph knows.
 pub(super) const UNIT: u32 = 0;

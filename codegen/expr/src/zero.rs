@@ -23,7 +23,7 @@ const ENOUGH: usize = 4;
 impl Graph {
     /// Whether the expression is known to vanish identically; `false` where it does not, and where nothing is known.
     ///
-    /// `true` is structural, or from values at random points, with a chance of error below `1e-36` (of numbers:
+    /// `true` is structural, or from values at random points, with a chance of error below `1e-28` (of numbers:
     /// `5e-19`), or, where there are none, the outcome of exact expansion. Who would conclude something from `false`
     /// asks for [`Graph::vanishing`].
     pub fn is_zero(&mut self, e: ExprId) -> bool {

@@ -237,6 +237,7 @@ fn identities_vanish() {
         "sin(pi/5) - sqrt((5 - sqrt(5))/8)",
         "cos(pi/5) - (1 + sqrt(5))/4",
         "sin(pi/180)^2 + cos(pi/180)^2 - 1",
+        "sin(7707/10000)^2 + cos(7707/10000)^2 - 1",
         "sin(pi/10)*sin(3*pi/10) - 1/4",
         "2*cos(2*pi/13) + 2*cos(6*pi/13) + 2*cos(8*pi/13) - (sqrt(13) - 1)/2",
         "sqrt(2)*sqrt(3) - sqrt(6)",

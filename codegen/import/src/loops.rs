@@ -75,21 +75,23 @@ impl Loops<'_> {
         }
         let name = &self.names[k];
         let [one, other] = [&ways[0], &ways[1]].map(|way| &self.robot.links[way.link].name);
-        let held = match closed.held {
+        let held = match &closed.held {
             Held::Point => "a point",
+            Held::Axis(_) => "an axis",
             Held::Frame => "a frame",
         };
         let mut out =
             format!("\n// {}: {held} of {one} is one of {other}.\n{}", closed.name, self.declared[k]);
         let second = self.second(closed, ways);
-        let mut place = second.place;
+        let (mut place, turn) = (second.place, second.turn);
         if second.is_found {
             _ = writeln!(out, "let held_{name} = {place};");
             place = format!("held_{name}");
         }
-        let first = vector(&closed.first.1.place);
-        _ = writeln!(out, "let one_{name} = {};", sum(&self.point(&ways[0].joints, &first, true)));
-        _ = writeln!(out, "let other_{name} = {};", sum(&self.point(&ways[1].joints, &place, true)));
+        let first = origin(&closed.first.1);
+        let second = if place == ZERO { Vec::new() } else { vec![place] };
+        _ = writeln!(out, "let one_{name} = {};", sum(&self.point(&ways[0].joints, first, true)));
+        _ = writeln!(out, "let other_{name} = {};", sum(&self.point(&ways[1].joints, second, true)));
         let of = |side: &str| match plane {
             None => format!("{side}_{name}"),
             Some(left_out) => {
@@ -99,13 +101,11 @@ impl Loops<'_> {
             }
         };
         _ = writeln!(out, "constraint {name}: {} = {};", of("one"), of("other"));
-        if closed.held == Held::Frame {
-            out.push_str(&self.attitude(closed, ways, &second.turn, plane, name));
-        }
+        out.push_str(&self.attitude(closed, ways, &turn, plane, name));
         out
     }
 
-    /// That the rotation between two frames is the identity.
+    /// That the rotation between two frames is the identity, or leaves an axis where it is.
     fn attitude(
         &self,
         closed: &Loop,
@@ -115,7 +115,13 @@ impl Loops<'_> {
         name: &str,
     ) -> String {
         let turns = |way: &Way| way.joints.iter().any(|k| self.rotation(*k).is_some());
-        if !ways.iter().any(turns) {
+        let along = |axis: &Axis| axis.along.map(|(k, _)| k);
+        let is_kept = match &closed.held {
+            Held::Point => true,
+            Held::Axis(axis) => plane.is_some() && along(axis) == plane,
+            Held::Frame => false,
+        };
+        if is_kept || !ways.iter().any(turns) {
             return String::new();
         }
         let one: Vec<String> =
@@ -125,20 +131,36 @@ impl Loops<'_> {
         let back = (!one.is_empty()).then(|| format!("transpose({})", one.join("*")));
         let factors: Vec<String> = back.into_iter().chain(other).collect();
         let mut out = format!("let turn_{name} = {};\n", factors.join("*"));
-        let axes: Vec<usize> = plane.map_or_else(|| vec![0, 1, 2], |axis| vec![axis]);
-        let entries: Vec<String> = axes
-            .iter()
-            .map(|k| {
-                let (i, j) = ((k + 1) % 3 + 1, (k + 2) % 3 + 1);
-                match plane {
-                    Some(_) => format!("turn_{name}[{j}, {i}]"),
-                    None => format!("turn_{name}[{j}, {i}] - turn_{name}[{i}, {j}]"),
+        let others = |k: usize| [(k + 1) % 3 + 1, (k + 2) % 3 + 1];
+        let entry = |i: usize, j: usize| format!("turn_{name}[{i}, {j}]");
+        let entries: Vec<String> = match (&closed.held, plane) {
+            (Held::Axis(axis), _) => match along(axis) {
+                Some(k) => others(k).map(|i| entry(i, k + 1)).to_vec(),
+                None => {
+                    let axis = &axis.vector;
+                    _ = writeln!(
+                        out,
+                        "constraint attitude_{name}:\n    cross({axis}, turn_{name}*{axis}) = {ZERO};"
+                    );
+                    return out;
                 }
-            })
-            .collect();
+            },
+            (_, Some(k)) => {
+                let [i, j] = others(k);
+                vec![entry(j, i)]
+            }
+            (_, None) => {
+                let across = |k: usize| {
+                    let [i, j] = others(k);
+                    format!("{} - {}", entry(j, i), entry(i, j))
+                };
+                (0..3).map(across).collect()
+            }
+        };
+        let zeros = vec!["0"; entries.len()].join(", ");
         _ = match &entries[..] {
             [entry] => writeln!(out, "constraint attitude_{name}: {entry} = 0;"),
-            _ => writeln!(out, "constraint attitude_{name}:\n    [{}] = {ZERO};", entries.join(", ")),
+            _ => writeln!(out, "constraint attitude_{name}:\n    [{}] = [{zeros}];", entries.join(", ")),
         };
         out
     }
@@ -172,22 +194,16 @@ impl Loops<'_> {
         self.moved(joint).1
     }
 
-    /// The place of a point of the last link of a chain in the frame of the first, as terms.
-    fn point(&self, chain: &[usize], inner: &str, moves: bool) -> Vec<String> {
-        let mut terms: Vec<String> = (inner != ZERO).then(|| inner.to_owned()).into_iter().collect();
+    /// The place of a point of the last link of a chain in the frame of the first, as terms, by its terms in the last.
+    fn point(&self, chain: &[usize], mut terms: Vec<String>, moves: bool) -> Vec<String> {
         for k in chain.iter().rev() {
             let pose = &self.robot.joints[*k].pose;
             let (shift, rotation) = if moves { self.moved(*k) } else { (None, None) };
             if let Some(rotation) = rotation {
                 terms = turned(&rotation, terms);
             }
-            let anchor = (!pose.anchor.iter().all(Number::is_zero)).then(|| vector(&pose.anchor));
-            terms.splice(0..0, anchor.into_iter().chain(shift));
-            if let Some(turn) = pose.turn.text() {
-                terms = turned(&turn, terms);
-            }
-            let place = (!pose.place.iter().all(Number::is_zero)).then(|| vector(&pose.place));
-            terms.splice(0..0, place);
+            terms.splice(0..0, shift);
+            terms = placed(pose, terms);
         }
         terms
     }
@@ -205,16 +221,15 @@ impl Loops<'_> {
     fn second(&self, closed: &Loop, ways: &[Way; 2]) -> Second {
         if let End { pose: Some(pose), .. } = &closed.second {
             let turn = pose.turn.text().into_iter().collect();
-            return Second { place: vector(&pose.place), turn, is_found: false };
+            return Second { place: sum(&origin(pose)), turn, is_found: false };
         }
-        let first = vector(&closed.first.1.place);
-        let there = self.point(&ways[0].joints, &first, false);
-        let origin = self.point(&ways[1].joints, ZERO, false);
-        let difference = match origin.is_empty() {
+        let there = self.point(&ways[0].joints, origin(&closed.first.1), false);
+        let from = self.point(&ways[1].joints, Vec::new(), false);
+        let difference = match from.is_empty() {
             true => there,
             false => {
-                let from = if there.is_empty() { String::new() } else { format!("{} ", sum(&there)) };
-                vec![format!("{from}- {}", in_product(&sum(&origin)))]
+                let there = if there.is_empty() { String::new() } else { format!("{} ", sum(&there)) };
+                vec![format!("{there}- {}", in_product(&sum(&from)))]
             }
         };
         let back = self.turns(&ways[1].joints, false);
@@ -256,7 +271,7 @@ impl Loops<'_> {
         let end = closed.second.pose.as_ref()?;
         let along = |way: &Way, end: &Pose| {
             let poses = way.joints.iter().map(|k| &self.file.joints[*k].pose);
-            poses.fold(end.place[axis].clone(), |sum, pose| {
+            poses.fold(end.place[axis].plus(&end.anchor[axis]), |sum, pose| {
                 sum.plus(&pose.place[axis]).plus(&pose.anchor[axis])
             })
         };
@@ -277,6 +292,21 @@ struct Second {
 fn turns_about(turn: &Turn, axis: usize) -> bool {
     let own = format!("e{}", axis + 1);
     turn.factors.iter().all(|factor| matches!(factor, Rotation::About(about, _) if *about == own))
+}
+
+/// A point of a frame, by its terms there, in the frame before.
+fn placed(pose: &Pose, mut terms: Vec<String>) -> Vec<String> {
+    let known = |v: &[Number; 3]| (!v.iter().all(Number::is_zero)).then(|| vector(v));
+    terms.splice(0..0, known(&pose.anchor));
+    if let Some(turn) = pose.turn.text() {
+        terms = turned(&turn, terms);
+    }
+    terms.splice(0..0, known(&pose.place));
+    terms
+}
+
+fn origin(pose: &Pose) -> Vec<String> {
+    placed(pose, Vec::new())
 }
 
 fn sum(terms: &[String]) -> String {

@@ -23,13 +23,14 @@ impl Names {
     }
 
     /// The name nearest to a given one such that all names around it are free, which are taken then. `around` are
-    /// patterns with `*` for the name.
+    /// patterns with `*` for the name, which the language has to have itself: frames are named so.
     pub(crate) fn take(&mut self, given: &str, around: &[&str]) -> String {
         let base = word(given);
         let candidates = std::iter::once(base.clone()).chain((2..).map(|k| format!("{base}_{k}")));
         for name in candidates {
             let all: Vec<String> = around.iter().map(|pattern| pattern.replace('*', &name)).collect();
-            if all.iter().all(|n| !self.taken.contains(n) && name_refusal(n).is_none()) {
+            let is_refused = std::iter::once(&name).chain(&all).any(|n| name_refusal(n).is_some());
+            if !is_refused && all.iter().all(|n| !self.taken.contains(n)) {
                 self.taken.extend(all);
                 return name;
             }
@@ -61,6 +62,7 @@ mod tests {
         assert_eq!(names.take("g", &["*"]), "g_2");
         assert_eq!(names.take("7", &["*"]), "n7");
         assert_eq!(names.take("pi", &["*"]), "pi_2");
+        assert_eq!(names.take("else", &["E_*"]), "else_2");
         assert_eq!(names.take("arm_dot", &["*", "*_dot"]), "arm_dot_2");
         assert_eq!(names.take("", &["*"]), "n");
     }

@@ -168,7 +168,11 @@ pub(crate) fn parameters(
         let ends = [(held.first.0, Some(&mut held.first.1)), (held.second.link, held.second.pose.as_mut())];
         for ((link, pose), prefix) in ends.into_iter().zip(["d", "o"]) {
             let doc = format!("Place of {} on {}, in m.", held.name, robot.links[link].name);
-            for (number, axis) in pose.into_iter().flat_map(|pose| &mut pose.place).zip(["x", "y", "z"]) {
+            let Some(pose) = pose else { continue };
+            // In a turned frame the place is said behind the rotation.
+            let is_turned = pose.place.iter().all(Number::is_zero);
+            let place = if is_turned { &mut pose.anchor } else { &mut pose.place };
+            for (number, axis) in place.iter_mut().zip(["x", "y", "z"]) {
                 declare(&mut items, number, format!("{prefix}{axis}_{name}"), &doc, false);
             }
         }

@@ -139,10 +139,12 @@ pub(crate) struct Motor {
 }
 
 /// What two links have in common beside the tree.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub(crate) enum Held {
     /// A point.
     Point,
+    /// A point and an axis through it, in the frame of the first end.
+    Axis(Axis),
     /// A frame.
     Frame,
 }
@@ -155,7 +157,7 @@ pub(crate) struct End {
     pub(crate) pose: Option<Pose>,
 }
 
-/// Two links that the tree does not join: frames of both, or their origins, stay together.
+/// Two links that the tree does not join: frames of both stay together, or their origins, or an axis of them.
 #[derive(Clone, Debug)]
 pub(crate) struct Loop {
     pub(crate) name: String,

@@ -215,9 +215,17 @@ pub(crate) struct Axis {
     pub(crate) of_rotation: (String, bool),
     /// The number of the coordinate axis along which it is, and whether it is against it.
     pub(crate) along: Option<(usize, bool)>,
+    /// The rotation `R` that takes components of `of_rotation` to those of `vector`.
+    turned: Option<String>,
 }
 
 impl Axis {
+    /// The same axis by its components in another frame. `turn` takes those of this one to them.
+    pub(crate) fn turned(self, turn: &str) -> Axis {
+        let vector = format!("({turn}*{})", self.vector);
+        Axis { vector, along: None, turned: Some(turn.to_owned()), ..self }
+    }
+
     /// Nothing for an axis of length zero.
     pub(crate) fn new(entries: &[Number; 3]) -> Option<Axis> {
         let others: Vec<usize> = (0..3).filter(|k| !entries[*k].is_zero()).collect();
@@ -231,11 +239,12 @@ impl Axis {
                     vector: format!("[{}]", unit.join(", ")),
                     of_rotation: (format!("e{}", k + 1), is_against),
                     along: Some((k, is_against)),
+                    turned: None,
                 })
             }
             _ => {
                 let vector = format!("unit({})", vector(entries));
-                Some(Axis { vector: vector.clone(), of_rotation: (vector, false), along: None })
+                Some(Axis { vector: vector.clone(), of_rotation: (vector, false), along: None, turned: None })
             }
         }
     }
@@ -244,7 +253,12 @@ impl Axis {
     pub(crate) fn rotation(&self, angle: &str) -> String {
         let (axis, is_against) = &self.of_rotation;
         let sign = if *is_against { "-" } else { "" };
-        format!("rot({axis}, {sign}{angle})")
+        let about = format!("rot({axis}, {sign}{angle})");
+        // A rotation about R a is R rot(a) R^T.
+        match &self.turned {
+            Some(turn) => format!("{turn}*{about}*transpose({turn})"),
+            None => about,
+        }
     }
 }
 

@@ -40,7 +40,7 @@ def moved(model, q, v, h):
     return q
 
 
-for robot in ["linkage", "hopper", "wrist"]:
+for robot in ["linkage", "hopper", "wrist", "gate"]:
     model = mujoco.MjModel.from_xml_path(str(here / f"{robot}.xml"))
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT

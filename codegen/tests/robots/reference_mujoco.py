@@ -39,7 +39,7 @@ def joint_names(model):
     return names
 
 
-for robot in ["crane", "flock", "rover"]:
+for robot in ["crane", "flock", "rover", "stick"]:
     model = mujoco.MjModel.from_xml_path(str(here / f"{robot}.xml"))
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT
     data = mujoco.MjData(model)

@@ -19,6 +19,10 @@ struct Actuator {
     gain: [Number; 3],
     bias: [Number; 3],
     has_bias: bool,
+    /// The last element was this shortcut.
+    shortcut: Option<&'static str>,
+    /// Gain and bias as each shortcut before has left them.
+    left: BTreeMap<&'static str, ([Number; 3], [Number; 3])>,
     /// What the model cannot say, with the reason.
     refused: Option<String>,
 }
@@ -38,10 +42,7 @@ impl Actuator {
             }
         }
         let tag = element.tag_name().name();
-        // A shortcut says everything that `general` could.
-        if tag != "general" {
-            self.refused = None;
-        }
+        self.begin(tag);
         match tag {
             "general" => {
                 overlay(&mut self.gain, "gainprm");
@@ -60,6 +61,7 @@ impl Actuator {
             }
             "motor" => {
                 self.gain[0] = Number::one();
+                self.bias = zeros();
                 self.has_bias = false;
             }
             "position" => {
@@ -86,6 +88,22 @@ impl Actuator {
             }
             other => self.refused = Some(format!("it is a `{other}`")),
         }
+        if let Some(shortcut) = self.shortcut {
+            self.left.insert(shortcut, (self.gain.clone(), self.bias.clone()));
+        }
+    }
+
+    /// A shortcut says everything that `general` could, and knows nothing of the numbers of other shortcuts.
+    fn begin(&mut self, tag: &str) {
+        let shortcut = ["motor", "position", "velocity"].into_iter().find(|shortcut| *shortcut == tag);
+        if tag != "general" {
+            self.refused = None;
+        }
+        if let Some(own) = shortcut.filter(|own| self.shortcut.is_some_and(|last| last != *own)) {
+            let fresh = ([Number::one(), Number::zero(), Number::zero()], zeros());
+            (self.gain, self.bias) = self.left.get(own).cloned().unwrap_or(fresh);
+        }
+        self.shortcut = shortcut;
     }
 }
 
@@ -122,8 +140,15 @@ pub(super) fn motors<'a>(
             continue;
         };
         let one = [Number::one(), Number::zero(), Number::zero()];
-        let mut actuator =
-            Actuator { gear: vec![Number::one()], gain: one, bias: zeros(), has_bias: false, refused: None };
+        let mut actuator = Actuator {
+            gear: vec![Number::one()],
+            gain: one,
+            bias: zeros(),
+            has_bias: false,
+            shortcut: None,
+            left: BTreeMap::new(),
+            refused: None,
+        };
         for default in settings.defaults(element, None, ACTUATORS) {
             actuator.apply(reader, default);
         }

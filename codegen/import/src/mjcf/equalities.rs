@@ -99,13 +99,14 @@ fn closed<'a>(
 ) -> Option<Loop> {
     let (reader, element) = (settings.reader, of.own());
     let tag = element.tag_name().name();
-    let ends = ends(settings, of, bodies, held)?;
+    let has_anchor = matches!(held, Held::Point);
+    let ends = ends(settings, of, bodies, has_anchor)?;
     let named = |kind: &str| [1, 2].map(|k| element.attribute(format!("{kind}{k}").as_str()));
     let [one, other] = if element.has_attribute("site1") { named("site") } else { named("body") };
     let joined = format!("{}_{}", one.unwrap_or(tag), other.unwrap_or("world"));
     let name = reader.attribute(element, "name").map_or(joined, str::to_owned);
     // Frames that coincide do so in every point, and forces that only soft equations have scale nothing here.
-    for attribute in ["anchor", "torquescale"].into_iter().filter(|_| held == Held::Frame) {
+    for attribute in ["anchor", "torquescale"].into_iter().filter(|_| !has_anchor) {
         of.attribute(reader, attribute);
     }
     let (first, second) = ends;
@@ -117,7 +118,7 @@ fn ends<'a>(
     settings: &Settings<'a, '_>,
     of: &Defaulted<'a>,
     bodies: &Bodies<'a, '_>,
-    held: Held,
+    has_anchor: bool,
 ) -> Option<((usize, Pose), End)> {
     let (reader, element) = (settings.reader, of.own());
     let missing = |attribute: &str, kind: &str| {
@@ -150,7 +151,7 @@ fn ends<'a>(
     let (first, second) = (body("body1"), body("body2"));
     let ((one, offset), (other, other_offset)) = (first?, second?);
     let mut pose = Pose::identity();
-    if held == Held::Point {
+    if has_anchor {
         let anchor = of.numbers(reader, "anchor");
         if of.carrier("anchor").is_none() {
             let help = "write `anchor=\"x y z\"`, the point in the frame of the first body";

@@ -58,7 +58,7 @@ pub(super) fn inertia<'a>(settings: &Settings<'a, '_>, geom: &Defaulted<'a>, nam
     let mut pose = Pose::identity();
     let mut along = None;
     if let Some([a, b, c, d, e, f]) = geom.numbers::<6>(reader, "fromto") {
-        if !matches!(shape, Shape::Capsule | Shape::Cylinder) {
+        if shape == Shape::Ball {
             let help = "write `pos`, `size` and a rotation";
             reader.error(&geom.place("fromto"), format!("the {kind} `{name}` has two ends"), help);
             return None;
@@ -67,6 +67,10 @@ pub(super) fn inertia<'a>(settings: &Settings<'a, '_>, geom: &Defaulted<'a>, nam
         let ends = [d.minus(&a), e.minus(&b), f.minus(&c)];
         let half = half_length(&ends);
         sizes.truncate(1);
+        // A box and an ellipsoid are as wide as they are thick.
+        if matches!(shape, Shape::Ellipsoid | Shape::Cuboid) {
+            sizes.extend(sizes.first().cloned());
+        }
         sizes.extend(half);
         match Axis::new(&ends).map(|axis| axis.along) {
             None => {
@@ -75,8 +79,8 @@ pub(super) fn inertia<'a>(settings: &Settings<'a, '_>, geom: &Defaulted<'a>, nam
                 return None;
             }
             // Either direction of the axis has the same moments.
-            Some(Some(_)) => pose.turn = Turn::onto(ends)?,
-            Some(None) => along = Some(ends),
+            Some(None) if shape.sizes().len() == 2 => along = Some(ends),
+            Some(_) => pose.turn = Turn::onto(ends)?,
         }
     } else {
         pose = settings.pose(geom);

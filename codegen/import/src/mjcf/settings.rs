@@ -274,13 +274,18 @@ impl<'a, 'r> Settings<'a, 'r> {
     }
 
     fn turn(&self, of: &Defaulted<'a>) -> Turn {
-        let said: Vec<(Element<'a>, &str)> =
-            ORIENTATIONS.iter().filter_map(|name| Some((of.carrier(name)?, *name))).collect();
-        if let [_, (element, name), ..] = said[..] {
-            let message = format!("a rotation is said by `{}` and by `{name}`", said[0].1);
-            self.reader.error(&place(element, name), message, "leave one of them");
+        // The rotation of an element takes the place of that of its class, whatever the word of either is.
+        let own = |element: &Element<'a>| -> Vec<&str> {
+            ORIENTATIONS.into_iter().filter(|name| element.attribute(*name).is_some()).collect()
+        };
+        let said =
+            of.chain.iter().map(|element| (*element, own(element))).find(|(_, names)| !names.is_empty());
+        let Some((element, names)) = said else { return Turn::none() };
+        let name = names[0];
+        if let [_, second, ..] = names[..] {
+            let message = format!("a rotation is said by `{name}` and by `{second}`");
+            self.reader.error(&place(element, second), message, "leave one of them");
         }
-        let Some(&(element, name)) = said.first() else { return Turn::none() };
         let reader = self.reader;
         let help = "write a direction such as `0 0 1`";
         let turn = match name {

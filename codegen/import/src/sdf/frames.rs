@@ -103,6 +103,11 @@ impl Frames {
         }
     }
 
+    /// Whether there is a frame of a name.
+    pub(super) fn has(&self, name: &str) -> bool {
+        name == MODEL || self.all.contains_key(name)
+    }
+
     /// Frames from one on, each relative to the next, up to the frame of the model. Nothing after a problem.
     fn chain(&self, reader: &Reader<'_>, name: &str) -> Option<Vec<String>> {
         let mut chain = vec![name.to_owned()];

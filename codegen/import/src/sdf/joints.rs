@@ -2,23 +2,23 @@
 //!
 //! Deliberately does not know: links, frames of the model.
 
-use super::frames::{number, numbers};
+use super::frames::{MODEL, number, numbers};
 use crate::axis::axis_of_joint;
 use crate::number::Number;
 use crate::robot::{Joint, JointKind, Spring};
-use crate::rotation::{Axis, Turn};
+use crate::rotation::Axis;
 use crate::xml::{Element, Reader, head, place};
 
 /// Limits from which on a joint has none, by the specification.
 const NONE: f64 = 1e16;
 
 /// The coordinates of a joint: one or two joints without their places, one behind the other. `turned` is the rotation
-/// of the joint's frame in that of the child. Nothing after a problem.
+/// of a frame, by its name, in that behind the joint, where it is not one. Nothing after a problem.
 pub(super) fn joints<'a>(
     reader: &Reader<'a>,
     joint: Element<'a>,
     name: &str,
-    turned: &Turn,
+    turned: &dyn Fn(&str) -> Option<Option<String>>,
 ) -> Option<Vec<Joint>> {
     let kind = reader.required(joint, "type")?;
     let of = |axis: &str| {
@@ -32,7 +32,7 @@ pub(super) fn joints<'a>(
     let empty = |name: &str, kind| Joint::new(name.to_owned(), kind, (0, 0), place(joint, "name"));
     let moving = |axis: &str, name: &str, is_turn: bool, is_limited: bool| {
         let axis = of(axis)?;
-        let direction = direction(reader, axis, name, turned)?;
+        let direction = direction(reader, axis, (name, &turned_of(reader, axis, joint, turned)?))?;
         let kind = if is_turn { JointKind::Revolute(direction) } else { JointKind::Prismatic(direction) };
         let mut one = empty(name, kind);
         forces(reader, axis, &mut one, is_limited);
@@ -44,35 +44,68 @@ pub(super) fn joints<'a>(
         "revolute" => Some(vec![moving("axis", name, true, true)?]),
         "continuous" => Some(vec![moving("axis", name, true, false)?]),
         "prismatic" => Some(vec![moving("axis", name, false, true)?]),
-        "universal" => Some(vec![
+        "universal" | "revolute2" => Some(vec![
             moving("axis", &format!("{name}_1"), true, true)?,
             moving("axis2", &format!("{name}_2"), true, true)?,
         ]),
         other => {
-            let help = "joints are revolute, continuous, prismatic, fixed, ball or universal";
+            let help = "joints are revolute, continuous, prismatic, fixed, ball, universal or revolute2";
             reader.error(&place(joint, "type"), format!("joint `{name}` has the type `{other}`"), help);
             None
         }
     }
 }
 
-/// The axis in the frame of the child.
-fn direction<'a>(reader: &Reader<'a>, axis: Element<'a>, name: &str, turned: &Turn) -> Option<Axis> {
+/// The rotation of the frame that an axis is written in.
+///
+/// # Source
+/// sdformat.org, `sdf/1.5/1_4.convert` and `sdf/1.7/1_6.convert`: axes are in the frame of the model up to version 1.4,
+/// and up to 1.6 where the file says so.
+fn turned_of<'a>(
+    reader: &Reader<'a>,
+    axis: Element<'a>,
+    joint: Element<'a>,
+    turned: &dyn Fn(&str) -> Option<Option<String>>,
+) -> Option<Option<String>> {
+    let xyz = axis.children().find(|child| child.tag_name().name() == "xyz");
+    let named = xyz.and_then(|xyz| reader.attribute(xyz, "expressed_in")).filter(|name| !name.is_empty());
+    let old = reader.child(axis, "use_parent_model_frame").and_then(|element| element.text());
+    let is_of_model = match old.map(str::trim) {
+        Some(word) => word.eq_ignore_ascii_case("true") || word == "1",
+        None => is_before_1_5(axis),
+    };
+    let own = reader.attribute(joint, "name").unwrap_or_default();
+    turned(match named {
+        Some("world") => MODEL,
+        Some(frame) => frame,
+        None if is_of_model => MODEL,
+        None => own,
+    })
+}
+
+/// Whether the version of the file is below 1.5.
+fn is_before_1_5(of: Element<'_>) -> bool {
+    let version = of.document().root_element().attribute("version").unwrap_or_default();
+    let mut numbers = version.split('.').map(|part| part.trim().parse::<u32>());
+    matches!((numbers.next(), numbers.next()), (Some(Ok(1)), Some(Ok(0..5))))
+}
+
+/// The axis in the frame behind the joint.
+fn direction<'a>(
+    reader: &Reader<'a>,
+    axis: Element<'a>,
+    (name, turn): (&str, &Option<String>),
+) -> Option<Axis> {
     let Some(xyz) = reader.child(axis, "xyz") else {
         let message = format!("the axis of joint `{name}` has no `xyz`");
         reader.error(&head(axis), message, "write a direction such as `0 0 1`");
         return None;
     };
-    if reader.attribute(xyz, "expressed_in").is_some_and(|frame| !frame.is_empty()) {
-        let help = "turn the `pose` of the joint, and write the axis in the frame of the joint";
-        let message = format!("the axis of joint `{name}` is by another frame");
-        reader.error(&place(xyz, "expressed_in"), message, help);
-        return None;
-    }
     let axis = axis_of_joint(reader, &head(xyz), name, &numbers(reader, xyz)?)?;
-    let Some(turn) = turned.text() else { return Some(axis) };
-    let vector = format!("({turn}*{})", axis.vector);
-    Some(Axis { vector: vector.clone(), of_rotation: (vector, false), along: None })
+    Some(match turn {
+        Some(turn) => axis.turned(turn),
+        None => axis,
+    })
 }
 
 /// Limits, damping, friction and springs of an axis.

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use super::frames::{Frames, MODEL, number, numbers, pose};
 use super::joints::joints;
 use crate::number::{Number, zeros};
-use crate::robot::{Inertia, Joint, JointKind, Link, Mass, Mimic, Moments, Pose, Robot};
+use crate::robot::{End, Held, Inertia, Joint, JointKind, Link, Loop, Mass, Mimic, Moments, Pose, Robot};
 use crate::xml::{Element, Reader, head, place};
 
 /// Reads the element `sdf`. Nothing after a problem.
@@ -47,7 +47,9 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) 
         links: Vec::new(),
         by_name: BTreeMap::new(),
         joints: Vec::new(),
+        loops: Vec::new(),
         offsets: Vec::new(),
+        attached: BTreeMap::new(),
         mimics: Vec::new(),
     };
     builder.links(model);
@@ -64,7 +66,7 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) 
         joints: builder.joints,
         root: 0,
         motors: Vec::new(),
-        loops: Vec::new(),
+        loops: builder.loops,
         drives_all: true,
         gravity,
         total_mass: None,
@@ -77,8 +79,11 @@ struct Builder<'a, 'r> {
     links: Vec<Link>,
     by_name: BTreeMap<String, usize>,
     joints: Vec<Joint>,
+    loops: Vec<Loop>,
     /// Origins of links in the frames of the file.
     offsets: Vec<[Number; 3]>,
+    /// What frames are attached to, by their names.
+    attached: BTreeMap<&'a str, &'a str>,
     /// Axes with an element `mimic`, by the places of their joints.
     mimics: Vec<(usize, Element<'a>)>,
 }
@@ -102,8 +107,11 @@ impl<'a> Builder<'a, '_> {
         }
         for element in reader.children(model, "frame") {
             let Some(name) = reader.required(element, "name") else { continue };
-            let attached = reader.attribute(element, "attached_to").unwrap_or(MODEL);
-            self.frames.add(reader, element, name, attached);
+            let attached = reader.attribute(element, "attached_to").filter(|attached| !attached.is_empty());
+            self.frames.add(reader, element, name, attached.unwrap_or(MODEL));
+            if let Some(attached) = attached {
+                self.attached.insert(name, attached);
+            }
         }
     }
 
@@ -131,11 +139,16 @@ impl<'a> Builder<'a, '_> {
             self.frames.add(reader, element, name, child);
             all.push(Ends { element, name, parent, child });
         }
+        for k in 0..all.len() {
+            let [parent, child] = [all[k].parent, all[k].child].map(|name| self.attached(&all, name));
+            (all[k].parent, all[k].child) = (parent, child);
+        }
         if all.iter().any(|joint| joint.parent == "world") {
             self.link("world", Vec::new(), head(model));
         }
+        let closing = closing(&all);
         // Offsets first: a child's place is by that of its parent.
-        let mut made = Vec::new();
+        let (mut made, mut cut) = (Vec::new(), Vec::new());
         for ends in &all {
             let known = |end: &str| {
                 let found = self.by_name.get(end).copied();
@@ -146,25 +159,31 @@ impl<'a> Builder<'a, '_> {
                 found
             };
             let (Some(parent), Some(child)) = (known(ends.parent), known(ends.child)) else { continue };
-            let Some(steps) = self.frames.between(reader, ends.child, ends.name) else { continue };
-            let (held, turned) = match &steps[..] {
-                [] => (zeros(), crate::rotation::Turn::none()),
-                [one] if one.anchor.iter().all(Number::is_zero) => (one.place.clone(), one.turn.clone()),
-                _ => {
-                    let message = format!("the frame of joint `{}` is not by its child", ends.name);
-                    reader.error(&head(ends.element), message, "write its `pose` relative to the child");
-                    continue;
-                }
-            };
-            let Some(own) = joints(reader, ends.element, ends.name, &turned) else { continue };
-            // Nothing turns about the place of a joint that slides or is fixed.
-            if own.iter().any(|joint| matches!(joint.kind, JointKind::Revolute(_) | JointKind::Ball)) {
-                self.offsets[child] = held;
+            if closing.contains(&ends.name) {
+                cut.push((ends, (parent, child)));
+                continue;
             }
-            made.push((ends, parent, child, own));
+            let Some(steps) = self.frames.between(reader, ends.child, ends.name) else { continue };
+            // Nothing turns about the place of a joint that slides or is fixed.
+            let turns = !matches!(ends.element.attribute("type"), Some("fixed" | "prismatic"));
+            let behind = match &steps[..] {
+                _ if !turns => ends.child,
+                [] => ends.child,
+                [one] if one.anchor.iter().all(Number::is_zero) => {
+                    self.offsets[child] = one.place.clone();
+                    ends.child
+                }
+                _ => ends.name,
+            };
+            let turned = |frame: &str| self.turned(ends, behind, frame);
+            let Some(own) = joints(reader, ends.element, ends.name, &turned) else { continue };
+            made.push((ends, behind, (parent, child), own));
         }
-        for (ends, parent, child, own) in made {
-            self.join(ends, (parent, child), own);
+        for (ends, behind, links, own) in made {
+            self.join(ends, behind, links, own);
+        }
+        for (ends, links) in cut {
+            self.close(ends, links);
         }
         for (link, offset) in self.links.iter_mut().zip(&self.offsets) {
             for inertia in &mut link.inertias {
@@ -173,39 +192,51 @@ impl<'a> Builder<'a, '_> {
         }
     }
 
-    /// Puts the joints of an element between two links, with links of their own where frames are turned on the way.
-    fn join(&mut self, ends: &Ends<'a>, (parent, child): (usize, usize), own: Vec<Joint>) {
-        let from = if ends.parent == "world" { MODEL } else { ends.parent };
-        let Some(mut steps) = self.frames.between(self.reader, from, ends.child) else { return };
-        let start = &self.offsets[parent];
-        if !start.iter().all(Number::is_zero) || steps.is_empty() {
-            let place = start.each_ref().map(Number::negative);
-            match steps.first_mut() {
-                Some(first) => first.place = std::array::from_fn(|k| first.place[k].plus(&place[k])),
-                None => steps.push(Pose { place, ..Pose::identity() }),
+    /// The rotation of a frame in the one behind a joint, where that is not one. Nothing after a problem.
+    fn turned(&self, ends: &Ends<'a>, behind: &str, frame: &str) -> Option<Option<String>> {
+        let reader = self.reader;
+        if !self.frames.has(frame) {
+            let message = format!("the axis of joint `{}` is by `{frame}`, which is no frame", ends.name);
+            reader.error(&head(ends.element), message, "name a link, a joint or a frame of this model");
+            return None;
+        }
+        let steps = self.frames.between(reader, behind, frame)?;
+        let turns: Vec<String> = steps.iter().filter_map(|step| step.turn.text()).collect();
+        Some((!turns.is_empty()).then(|| turns.join("*")))
+    }
+
+    /// The link that a frame is attached to, by names; the name of a link is that of its frame.
+    fn attached(&self, all: &[Ends<'a>], name: &'a str) -> &'a str {
+        let mut last = name;
+        for _ in 0..=self.attached.len() + all.len() {
+            let of_joint = all.iter().find(|joint| joint.name == last).map(|joint| joint.child);
+            match self.attached.get(last).copied().or(of_joint) {
+                Some(next) => last = next,
+                None => return last,
             }
         }
+        name
+    }
+
+    /// Puts the joints of an element between two links, with links of their own where frames are turned on the way.
+    /// `behind` is the frame that the joints move: that of the child, or that of the joint itself, to which the child
+    /// is fixed.
+    fn join(&mut self, ends: &Ends<'a>, behind: &str, (parent, child): (usize, usize), own: Vec<Joint>) {
+        let Some(mut steps) = self.from_parent(ends, parent, behind) else { return };
         if let Some(last) = steps.last_mut() {
             let end = &self.offsets[child];
             let target = if last.turn.is_none() { &mut last.place } else { &mut last.anchor };
             *target = std::array::from_fn(|k| target[k].plus(&end[k]));
         }
-        let span = place(ends.element, "name");
-        let mut at = parent;
         let n_before = steps.len() - 1;
-        for (n, step) in steps.drain(..n_before).enumerate() {
-            let name = format!("{}_frame{}", ends.name, n + 1);
-            let link = self.link(&name, Vec::new(), span.clone());
-            let mut joint = Joint::new(name, JointKind::Fixed, (at, link), span.clone());
-            joint.pose = step;
-            self.joints.push(joint);
-            at = link;
-        }
+        let mut at = self.fix(ends, parent, steps.drain(..n_before), None);
+        let is_apart = behind != ends.child;
         let n_own = own.len();
         for (n, mut joint) in own.into_iter().enumerate() {
             let link = match n + 1 == n_own {
-                true => child,
-                false => self.link(&format!("{}_cross", ends.name), Vec::new(), span.clone()),
+                true if !is_apart => child,
+                true => self.link(&format!("{}_moved", ends.name), Vec::new(), place(ends.element, "name")),
+                false => self.link(&format!("{}_cross", ends.name), Vec::new(), place(ends.element, "name")),
             };
             (joint.parent, joint.child) = (at, link);
             if let Some(step) = steps.pop() {
@@ -219,6 +250,84 @@ impl<'a> Builder<'a, '_> {
             self.joints.push(joint);
             at = link;
         }
+        if is_apart && let Some(steps) = self.frames.between(self.reader, behind, ends.child) {
+            self.fix(ends, at, steps.into_iter(), Some(child));
+        }
+    }
+
+    /// The steps from the link of a parent to a frame.
+    fn from_parent(&self, ends: &Ends<'a>, parent: usize, to: &str) -> Option<Vec<Pose>> {
+        let from = if ends.parent == "world" { MODEL } else { ends.parent };
+        let mut steps = self.frames.between(self.reader, from, to)?;
+        let start = &self.offsets[parent];
+        if !start.iter().all(Number::is_zero) || steps.is_empty() {
+            let place = start.each_ref().map(Number::negative);
+            match steps.first_mut() {
+                Some(first) => first.place = std::array::from_fn(|k| first.place[k].plus(&place[k])),
+                None => steps.push(Pose { place, ..Pose::identity() }),
+            }
+        }
+        Some(steps)
+    }
+
+    /// Has a joint close a loop: an equation between its links.
+    fn close(&mut self, ends: &Ends<'a>, (parent, child): (usize, usize)) {
+        let reader = self.reader;
+        let turned = |frame: &str| self.turned(ends, ends.name, frame);
+        let Some(own) = joints(reader, ends.element, ends.name, &turned) else { return };
+        let held = match own.first().map(|joint| &joint.kind).filter(|_| own.len() == 1) {
+            Some(JointKind::Fixed) => Held::Frame,
+            Some(JointKind::Revolute(axis)) => Held::Axis(axis.clone()),
+            Some(JointKind::Ball) => Held::Point,
+            _ => {
+                let help = "let a joint that is revolute, ball or fixed, and that no other one follows, close the loop";
+                let message = format!("joint `{}` closes a loop, and has no equation for that", ends.name);
+                reader.error(&place(ends.element, "name"), message, help);
+                return;
+            }
+        };
+        let message = format!(
+            "joint `{}` closes a loop: it is an equation, and has no coordinate, no forces and no limits",
+            ends.name
+        );
+        reader.note(&place(ends.element, "name"), message);
+        let Some(mut steps) = self.from_parent(ends, parent, ends.name) else { return };
+        let Some(pose) = steps.pop() else { return };
+        let at = self.fix(ends, parent, steps.into_iter(), None);
+        self.loops.push(Loop {
+            name: ends.name.to_owned(),
+            held,
+            first: (at, pose),
+            second: End { link: child, pose: None },
+            span: place(ends.element, "name"),
+        });
+    }
+
+    /// Fixes frames to a link, one behind the other, the last one to `end`; the last link.
+    fn fix(
+        &mut self,
+        ends: &Ends<'a>,
+        mut at: usize,
+        steps: impl ExactSizeIterator<Item = Pose>,
+        end: Option<usize>,
+    ) -> usize {
+        let span = place(ends.element, "name");
+        let n_steps = steps.len();
+        for (n, step) in steps.enumerate() {
+            let name = match end {
+                None => format!("{}_frame{}", ends.name, n + 1),
+                Some(_) => format!("{}_back{}", ends.name, n + 1),
+            };
+            let link = match end.filter(|_| n + 1 == n_steps) {
+                Some(end) => end,
+                None => self.link(&name, Vec::new(), span.clone()),
+            };
+            let mut joint = Joint::new(name, JointKind::Fixed, (at, link), span.clone());
+            joint.pose = step;
+            self.joints.push(joint);
+            at = link;
+        }
+        at
     }
 }
 
@@ -244,6 +353,37 @@ impl<'a> Builder<'a, '_> {
             self.joints[follower].mimic = Some(Mimic { joint: leader, coefficients: vec![offset, factor] });
         }
     }
+}
+
+/// Names of joints that close loops: of several joints with one child the last that has an equation, without a motion
+/// that others follow or forces act along if there is one.
+fn closing<'a>(all: &[Ends<'a>]) -> Vec<&'a str> {
+    let kind = |joint: &Ends<'a>| joint.element.attribute("type").unwrap_or_default();
+    let has = |joint: &Ends<'a>, tags: &[&str]| {
+        joint.element.descendants().any(|own| tags.contains(&own.tag_name().name()))
+    };
+    let is_followed = |joint: &Ends<'a>| {
+        let mimics = all.iter().flat_map(|other| other.element.descendants());
+        mimics
+            .filter(|own| own.tag_name().name() == "mimic")
+            .any(|own| own.attribute("joint") == Some(joint.name))
+    };
+    let mut closing = Vec::new();
+    for (k, joint) in all.iter().enumerate() {
+        if all[..k].iter().any(|before| before.child == joint.child) {
+            continue;
+        }
+        let mut own: Vec<&Ends<'a>> = all.iter().filter(|other| other.child == joint.child).collect();
+        // The first one stays.
+        own.sort_by_key(|joint| {
+            let has_equation = matches!(kind(joint), "revolute" | "continuous" | "ball" | "fixed");
+            let moves_others = has(joint, &["mimic"]) || is_followed(joint);
+            let has_forces = has(joint, &["damping", "friction", "spring_stiffness", "limit"]);
+            (has_equation && !moves_others, !has_forces)
+        });
+        closing.extend(own.iter().skip(1).map(|joint| joint.name));
+    }
+    closing
 }
 
 fn subtract(place: &mut [Number; 3], offset: &[Number; 3]) {

@@ -456,6 +456,8 @@ pub struct ModelBuilder {
     pub(super) casimirs: Vec<Named>,
     pub(super) outputs: Vec<NamedVector>,
     pub(super) output_names: BTreeMap<String, Option<Span>>,
+    /// Outputs that components belong to, by the names of these.
+    pub(super) output_components: BTreeMap<String, (String, Option<Span>)>,
     pub(super) sections: Vec<SectionDraft>,
     pub(super) modes: Vec<Mode>,
     /// The mode that constraints, conditions, forces and events belong to that are declared now.
@@ -550,6 +552,7 @@ impl ModelBuilder {
             casimirs: Vec::new(),
             outputs: Vec::new(),
             output_names: BTreeMap::new(),
+            output_components: BTreeMap::new(),
             sections: Vec::new(),
             modes: Vec::new(),
             current_mode: None,

@@ -28,6 +28,17 @@ impl ModelBuilder {
         }
     }
 
+    /// Scenes want components by their names, so that no two outputs have one of the same name.
+    fn output_component(&mut self, output: &str, component: &str) {
+        let own = (output.to_owned(), self.here);
+        let Some((first, place)) = self.output_components.insert(component.to_owned(), own) else { return };
+        if first != output {
+            let message = format!("`{component}` is a component of two outputs, `{first}` and `{output}`");
+            let problem = Diagnostic::new(self.here, message).with_help("rename one of them");
+            self.problems.push(problem.with_place(place, "first here"));
+        }
+    }
+
     /// A named number that the motion should conserve.
     ///
     /// ```
@@ -62,6 +73,9 @@ impl ModelBuilder {
             Shape::Vector(n) => Layout::Vector(n).names(name),
             Shape::Matrix(n, m) => Layout::Matrix(n, m).names(name),
         };
+        for component in &names {
+            self.output_component(name, component);
+        }
         let components = names.into_iter().zip(value.entries().iter().copied()).collect();
         let (name, doc, part) = (name.to_owned(), doc.to_owned(), OutputPart::Own);
         self.outputs.push(NamedVector { name, components, doc, part });
