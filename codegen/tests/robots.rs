@@ -548,6 +548,12 @@ fn classes_of_motors_are_by_their_kind() {
         (servo, "<motor joint=\"q\"/>", "force q_dot = gear_q*ctrl_q;", "gear_q = 3;"),
         ("<velocity kv=\"3\"/>", "<position joint=\"q\" kp=\"5\"/>", "kp_q*(ctrl_q - q);", "kp_q = 5;"),
         ("<general gainprm=\"4\"/>", "<velocity joint=\"q\"/>", "kv_q*(ctrl_q - q_dot);", "kv_q = 4;"),
+        (
+            "<general gainprm=\"4\"/><default class=\"a\"><position kp=\"7\"/></default>",
+            "<velocity joint=\"q\" class=\"a\"/>",
+            "kv_q*(ctrl_q - q_dot);",
+            "kv_q = 4;",
+        ),
     ];
     for (class, motor, force, value) in cases {
         let head = format!("<default>{class}</default><actuator>{motor}</actuator>");

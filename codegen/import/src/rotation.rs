@@ -215,12 +215,12 @@ pub(crate) struct Axis {
     pub(crate) of_rotation: (String, bool),
     /// The number of the coordinate axis along which it is, and whether it is against it.
     pub(crate) along: Option<(usize, bool)>,
-    /// The rotation `R` that takes components of `of_rotation` to those of `vector`.
+    /// The rotation `R` with `vector = R of_rotation`.
     turned: Option<String>,
 }
 
 impl Axis {
-    /// The same axis by its components in another frame. `turn` takes those of this one to them.
+    /// The axis by its components in another frame, `turn` times its own.
     pub(crate) fn turned(self, turn: &str) -> Axis {
         let vector = format!("({turn}*{})", self.vector);
         Axis { vector, along: None, turned: Some(turn.to_owned()), ..self }

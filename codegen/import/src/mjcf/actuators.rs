@@ -21,7 +21,7 @@ struct Actuator {
     has_bias: bool,
     /// The last element was this shortcut.
     shortcut: Option<&'static str>,
-    /// Gain and bias as each shortcut before has left them.
+    /// Gain and bias as each shortcut and `general` have left them.
     left: BTreeMap<&'static str, ([Number; 3], [Number; 3])>,
     /// What the model cannot say, with the reason.
     refused: Option<String>,
@@ -88,12 +88,11 @@ impl Actuator {
             }
             other => self.refused = Some(format!("it is a `{other}`")),
         }
-        if let Some(shortcut) = self.shortcut {
-            self.left.insert(shortcut, (self.gain.clone(), self.bias.clone()));
-        }
+        let left = (self.gain.clone(), self.bias.clone());
+        self.left.insert(self.shortcut.unwrap_or("general"), left);
     }
 
-    /// A shortcut says everything that `general` could, and knows nothing of the numbers of other shortcuts.
+    /// A shortcut says everything that `general` could. It knows numbers of `general`, and nothing of other shortcuts.
     fn begin(&mut self, tag: &str) {
         let shortcut = ["motor", "position", "velocity"].into_iter().find(|shortcut| *shortcut == tag);
         if tag != "general" {
@@ -101,7 +100,8 @@ impl Actuator {
         }
         if let Some(own) = shortcut.filter(|own| self.shortcut.is_some_and(|last| last != *own)) {
             let fresh = ([Number::one(), Number::zero(), Number::zero()], zeros());
-            (self.gain, self.bias) = self.left.get(own).cloned().unwrap_or(fresh);
+            (self.gain, self.bias) =
+                self.left.get(own).or_else(|| self.left.get("general")).cloned().unwrap_or(fresh);
         }
         self.shortcut = shortcut;
     }
