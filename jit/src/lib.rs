@@ -36,6 +36,7 @@ mod assembler;
 mod avx;
 mod calls;
 mod code;
+mod collocation;
 mod error;
 mod instructions;
 mod kernel;

@@ -135,7 +135,7 @@ pub use methods::{
     Tolerances, Tsit5, Turning, Vern9,
 };
 #[cfg(feature = "lanes")]
-pub use methods::{Gauss16, Gbs14, Halves, Rows, Turns};
+pub use methods::{Gauss16, Gauss16With, Gbs14, Halves, Moved, OwnLoops, Rows, StageLoops, StageRow, Turns};
 #[cfg(feature = "nalgebra")]
 pub use nalgebra;
 #[cfg(feature = "nalgebra")]

@@ -6,8 +6,9 @@ use std::sync::LazyLock;
 
 use hamel_codegen::spec::Want;
 use hamel_runtime::{
-    Discrete2, Discrete4, Discrete6, Dop853, Dopri5, F64x4, F64x8, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14,
-    Method, Midpoint, OnCircles, Rk4, Splitting2, Splitting4, Splitting6, Taylor, Tsit5, Vern9,
+    Discrete2, Discrete4, Discrete6, Dop853, Dopri5, F64x4, F64x8, Gauss4, Gauss6, Gauss8, Gauss16,
+    Gauss16With, Gbs14, Method, Midpoint, OnCircles, Rk4, Splitting2, Splitting4, Splitting6, Taylor, Tsit5,
+    Vern9,
 };
 
 use super::any_method::{AnyMethod, MAX_INVARIANTS, OfBoth, OfLanes, OfScenes};
@@ -15,7 +16,7 @@ use super::auto::{self, Purpose};
 use super::dynamics::{Dynamics, PreparedLanes};
 use super::extrapolated::Extrapolated;
 use super::info::Info;
-use super::machine::Registers;
+use super::machine::{Registers, WideSums};
 use super::method::{MethodName, Steps};
 use super::wide::Wide;
 use crate::error::Error;
@@ -91,7 +92,7 @@ fn own_method<'a>(
         MethodName::Gauss4 => AnyMethod::single(const { &Gauss4::fixed_point() }),
         MethodName::Gauss6 => AnyMethod::single(const { &Gauss6::fixed_point() }),
         MethodName::Gauss8 => AnyMethod::single(const { &Gauss8::fixed_point() }),
-        MethodName::Gauss16 => AnyMethod::single(&Gauss16),
+        MethodName::Gauss16 => AnyMethod::single(gauss16()),
         MethodName::MidpointNewton => AnyMethod::single(const { &Midpoint::newton() }),
         MethodName::Gauss4Newton => AnyMethod::single(const { &Gauss4::newton() }),
         MethodName::Gauss6Newton => AnyMethod::single(const { &Gauss6::newton() }),
@@ -124,8 +125,18 @@ fn own_method<'a>(
         MethodName::Discrete4 => discrete(const { &Discrete4::new() }, method, dynamics)?,
         MethodName::Discrete6 => discrete(const { &Discrete6::new() }, method, dynamics)?,
         MethodName::Projected => projected(&Vern9, method, dynamics)?,
-        MethodName::Gauss16Projected => projected(&Gauss16, method, dynamics)?,
+        MethodName::Gauss16Projected => projected(gauss16(), method, dynamics)?,
     })
+}
+
+/// Collocation, its loops in wide registers where the processor has some.
+fn gauss16<'a>() -> OfScenes<'a> {
+    static WIDE: LazyLock<Option<Gauss16With<WideSums>>> =
+        LazyLock::new(|| WideSums::up_to(Registers::Avx512).map(Gauss16With));
+    match &*WIDE {
+        Some(wide) => wide,
+        None => &Gauss16,
+    }
 }
 
 /// An explicit method of high order, on circles where the scene has angles as points of circles: lanes with a

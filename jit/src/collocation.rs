@@ -1,0 +1,281 @@
+//! The loops of collocation over the components of a state, in registers of four numbers where the processor has them.
+//!
+//! One of three files with unsafe code: functions for AVX and AVX-512 are called, which is sound because [`WideSums`]
+//! is made by [`WideSums::up_to`] alone, after it has asked the processor; they read and write slices whose lengths
+//! have been compared.
+//!
+//! Deliberately does not know: coefficients, when an iteration ends.
+
+use hamel_runtime::{F64x4, Moved, StageLoops, StageRow};
+
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::Registers;
+use crate::sums::WideSums;
+
+/// Calls a function for the registers there are.
+macro_rules! in_registers {
+    ($own:ident, $function:ident($($argument:expr),*)) => {{
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: there are such registers, as `own` says, and the lengths have been compared.
+        #[allow(unsafe_code)]
+        unsafe {
+            match $own.registers() {
+                Registers::Avx512 => x86::avx512::$function($($argument),*),
+                _ => x86::avx::$function($($argument),*),
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        unreachable!("registers that no other processor has")
+    }};
+}
+
+/// With the bits of [`hamel_runtime::OwnLoops`]: each operation is that of a lane, in the same order.
+///
+/// # Panics
+/// Every function, when the numbers of components differ.
+impl StageLoops for WideSums {
+    fn points(
+        self,
+        row: &StageRow,
+        (y, residue): (&[f64], &[f64]),
+        [low, high]: [&[F64x4]; 2],
+        points: &mut [F64x4],
+        changes: &mut [F64x4],
+    ) -> Moved {
+        let n = points.len();
+        let lengths = [y.len(), residue.len(), low.len(), high.len(), changes.len()];
+        assert!(lengths == [n; 5], "components");
+        in_registers!(self, points(row, (y, residue), [low, high], points, changes))
+    }
+
+    fn weigh(self, weight: F64x4, slopes: &[F64x4], increments: &mut [F64x4]) {
+        assert_eq!(slopes.len(), increments.len(), "components");
+        in_registers!(self, weigh(weight, slopes, increments))
+    }
+
+    fn extrapolate(
+        self,
+        rows: &[StageRow; 2],
+        ends: &[[F64x4; 2]; 2],
+        slopes: [&[f64]; 2],
+        [low, high]: [&mut [F64x4]; 2],
+    ) {
+        let n = low.len();
+        assert!(high.len() == n && slopes.iter().all(|slope| slope.len() == n), "components");
+        in_registers!(self, extrapolate(rows, ends, slopes, [low, high]))
+    }
+
+    fn progress(self, changes: &[F64x4], least: &mut [f64]) -> bool {
+        assert_eq!(changes.len(), least.len(), "components");
+        in_registers!(self, progress(changes, least))
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    /// The loops for a processor with certain registers.
+    macro_rules! functions {
+        ($($feature:tt),*) => {
+            use std::arch::x86_64::{
+                __m256d, _CMP_GT_OQ, _CMP_LT_OQ, _CMP_NEQ_UQ, _CMP_NLT_UQ, _mm256_add_pd, _mm256_and_pd,
+                _mm256_andnot_pd, _mm256_blendv_pd, _mm256_broadcast_sd, _mm256_cmp_pd, _mm256_loadu_pd,
+                _mm256_max_pd, _mm256_movemask_pd, _mm256_mul_pd, _mm256_or_pd, _mm256_permute2f128_pd,
+                _mm256_set1_pd, _mm256_setzero_pd, _mm256_storeu_pd, _mm256_sub_pd, _mm256_unpackhi_pd,
+                _mm256_unpacklo_pd,
+            };
+
+            use hamel_runtime::{F64x4, Moved, StageRow};
+
+            /// The weights of a row.
+            $(#[target_feature(enable = $feature)])*
+            #[inline]
+            #[allow(unsafe_code)]
+            fn registers(row: &StageRow) -> [__m256d; 8] {
+                let mut weights = [_mm256_setzero_pd(); 8];
+                for (register, weight) in weights.iter_mut().zip(row) {
+                    // SAFETY: lanes are four numbers without padding.
+                    *register = unsafe { load(weight) };
+                }
+                weights
+            }
+
+            /// # Safety
+            /// There are four numbers at this place.
+            $(#[target_feature(enable = $feature)])*
+            #[inline]
+            #[allow(unsafe_code)]
+            unsafe fn load(place: *const F64x4) -> __m256d {
+                // SAFETY: as the caller says.
+                unsafe { _mm256_loadu_pd(place.cast()) }
+            }
+
+            /// # Safety
+            /// As for [`load`].
+            $(#[target_feature(enable = $feature)])*
+            #[inline]
+            #[allow(unsafe_code)]
+            unsafe fn store(place: *mut F64x4, value: __m256d) {
+                // SAFETY: as the caller says.
+                unsafe { _mm256_storeu_pd(place.cast(), value) }
+            }
+
+            /// `start + sum_j row_j x_j`, in the order of the runtime.
+            ///
+            /// # Safety
+            /// There are four numbers at each place.
+            $(#[target_feature(enable = $feature)])*
+            #[inline]
+            #[allow(unsafe_code)]
+            unsafe fn sum_of(start: __m256d, row: &[__m256d; 8], halves: [*const f64; 2]) -> __m256d {
+                // SAFETY: as the caller says.
+                let term = |j: usize| unsafe {
+                    _mm256_mul_pd(row[j], _mm256_broadcast_sd(&*halves[j / 4].add(j % 4)))
+                };
+                let (mut first, mut second) = (start, term(4));
+                for j in 0..4 {
+                    first = _mm256_add_pd(term(j), first);
+                }
+                for j in 5..8 {
+                    second = _mm256_add_pd(term(j), second);
+                }
+                _mm256_add_pd(first, second)
+            }
+
+            /// # Safety
+            /// There are these registers, and all slices have the same length.
+            $(#[target_feature(enable = $feature)])*
+            #[allow(unsafe_code)]
+            pub(in super::super) unsafe fn points(
+                row: &StageRow,
+                (y, residue): (&[f64], &[f64]),
+                increments: [&[F64x4]; 2],
+                points: &mut [F64x4],
+                changes: &mut [F64x4],
+            ) -> Moved {
+                let row = registers(row);
+                let (mut moved, mut lost) = (_mm256_setzero_pd(), _mm256_setzero_pd());
+                let increments = increments.map(<[F64x4]>::as_ptr);
+                for c in 0..points.len() {
+                    // SAFETY: the component is inside of all slices.
+                    unsafe {
+                        let (point, largest) = (points.as_mut_ptr().add(c), changes.as_mut_ptr().add(c));
+                        let of_all = increments.map(|half| half.add(c).cast::<f64>());
+                        let start = _mm256_set1_pd(*residue.as_ptr().add(c));
+                        let y = _mm256_set1_pd(*y.as_ptr().add(c));
+                        let (before, new) = (load(point), _mm256_add_pd(y, sum_of(start, &row, of_all)));
+                        let change = _mm256_andnot_pd(_mm256_set1_pd(-0.0), _mm256_sub_pd(new, before));
+                        let none = _mm256_setzero_pd();
+                        moved = _mm256_or_pd(moved, _mm256_cmp_pd::<_CMP_NEQ_UQ>(change, none));
+                        let too_large = _mm256_set1_pd(f64::INFINITY);
+                        lost = _mm256_or_pd(lost, _mm256_cmp_pd::<_CMP_NLT_UQ>(change, too_large));
+                        store(point, new);
+                        store(largest, _mm256_max_pd(load(largest), change));
+                    }
+                }
+                Moved { has_moved: _mm256_movemask_pd(moved) != 0, is_finite: _mm256_movemask_pd(lost) == 0 }
+            }
+
+            /// # Safety
+            /// As for [`points`].
+            $(#[target_feature(enable = $feature)])*
+            #[allow(unsafe_code)]
+            pub(in super::super) unsafe fn weigh(weight: F64x4, slopes: &[F64x4], increments: &mut [F64x4]) {
+                // SAFETY: the component is inside of both slices.
+                unsafe {
+                    let weight = load(&weight);
+                    for c in 0..slopes.len() {
+                        store(
+                            increments.as_mut_ptr().add(c),
+                            _mm256_mul_pd(weight, load(slopes.as_ptr().add(c))),
+                        );
+                    }
+                }
+            }
+
+            /// # Safety
+            /// As for [`points`].
+            $(#[target_feature(enable = $feature)])*
+            #[allow(unsafe_code)]
+            pub(in super::super) unsafe fn extrapolate(
+                rows: &[StageRow; 2],
+                ends: &[[F64x4; 2]; 2],
+                slopes: [&[f64]; 2],
+                [low, high]: [&mut [F64x4]; 2],
+            ) {
+                let rows = [registers(&rows[0]), registers(&rows[1])];
+                // SAFETY: lanes are four numbers, and the component is inside of all slices.
+                unsafe {
+                    let [first, last] = [0, 1].map(|end| [&ends[0][end], &ends[1][end]]);
+                    let first = [load(first[0]), load(first[1])];
+                    let last = [load(last[0]), load(last[1])];
+                    for c in 0..low.len() {
+                        let places = [low.as_mut_ptr().add(c), high.as_mut_ptr().add(c)];
+                        let known = places.map(|place| place.cast_const().cast::<f64>());
+                        let start = _mm256_set1_pd(*slopes[0].as_ptr().add(c));
+                        let end = _mm256_set1_pd(*slopes[1].as_ptr().add(c));
+                        let mut sums = [start; 2];
+                        for (half, sum) in sums.iter_mut().enumerate() {
+                            let from_start = _mm256_mul_pd(first[half], start);
+                            let from_ends = _mm256_add_pd(from_start, _mm256_mul_pd(last[half], end));
+                            *sum = sum_of(from_ends, &rows[half], known);
+                        }
+                        store(places[0], sums[0]);
+                        store(places[1], sums[1]);
+                    }
+                }
+            }
+
+            /// The largest of the lanes of four components.
+            $(#[target_feature(enable = $feature)])*
+            #[inline]
+            fn largest([a, b, c, d]: [__m256d; 4]) -> __m256d {
+                let of_two =
+                    |a, b| _mm256_max_pd(_mm256_unpacklo_pd(a, b), _mm256_unpackhi_pd(a, b));
+                let (first, second) = (of_two(a, b), of_two(c, d));
+                _mm256_max_pd(
+                    _mm256_permute2f128_pd::<0x20>(first, second),
+                    _mm256_permute2f128_pd::<0x31>(first, second),
+                )
+            }
+
+            /// # Safety
+            /// As for [`points`].
+            $(#[target_feature(enable = $feature)])*
+            #[allow(unsafe_code)]
+            pub(in super::super) unsafe fn progress(changes: &[F64x4], least: &mut [f64]) -> bool {
+                let mut found = _mm256_setzero_pd();
+                let (changes, last) = changes.as_chunks::<4>();
+                let (blocks, rest) = least.as_chunks_mut::<4>();
+                for (changes, least) in changes.iter().zip(blocks) {
+                    // SAFETY: there are four numbers at each place.
+                    unsafe {
+                        let [a, b, c, d] = changes;
+                        let change = largest([load(a), load(b), load(c), load(d)]);
+                        let before = _mm256_loadu_pd(least.as_ptr());
+                        let is_less = _mm256_and_pd(
+                            _mm256_cmp_pd::<_CMP_LT_OQ>(change, before),
+                            _mm256_cmp_pd::<_CMP_GT_OQ>(change, _mm256_setzero_pd()),
+                        );
+                        _mm256_storeu_pd(least.as_mut_ptr(), _mm256_blendv_pd(before, change, is_less));
+                        found = _mm256_or_pd(found, is_less);
+                    }
+                }
+                hamel_runtime::OwnLoops.progress(last, rest) | (_mm256_movemask_pd(found) != 0)
+            }
+        };
+    }
+
+    /// In sixteen registers.
+    pub(super) mod avx {
+        use hamel_runtime::StageLoops as _;
+
+        functions! { "avx" }
+    }
+
+    /// In thirty-two registers, where products read a number from memory for all lanes.
+    pub(super) mod avx512 {
+        use hamel_runtime::StageLoops as _;
+
+        functions! { "avx512f", "avx512vl" }
+    }
+}
