@@ -279,3 +279,128 @@ mod x86 {
         functions! { "avx512f", "avx512vl" }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use hamel_runtime::{F64x4, Moved, OwnLoops, StageLoops, StageRow};
+
+    use crate::{Registers, WideSums};
+
+    const SPECIAL: [f64; 6] = [f64::NAN, f64::INFINITY, -0.0, 0.0, 1e300, -2.5e-310];
+
+    /// Numbers of many sizes, the special ones among them where they are asked for.
+    fn numbers(n: usize, seed: usize, has_special: bool) -> Vec<f64> {
+        let of = |k: usize| {
+            let k = k + 31 * seed;
+            if has_special && k % 7 == 3 {
+                SPECIAL[k % 6]
+            } else {
+                (k as f64 * 0.37).sin() * 2.0_f64.powi(k as i32 % 40)
+            }
+        };
+        (0..n).map(of).collect()
+    }
+
+    fn lanes(n: usize, seed: usize, has_special: bool) -> Vec<F64x4> {
+        numbers(4 * n, seed, has_special).as_chunks::<4>().0.iter().map(|x| F64x4::new(*x)).collect()
+    }
+
+    fn row(seed: usize) -> StageRow {
+        std::array::from_fn(|j| lanes(1, seed + j, false)[0])
+    }
+
+    fn bits(x: &[F64x4]) -> Vec<u64> {
+        let numbers = x.iter().flat_map(|x| x.to_array());
+        numbers.map(|x| if x.is_nan() { u64::MAX } else { x.to_bits() }).collect()
+    }
+
+    /// Everything that the loops write, for states of so many components.
+    fn written(
+        loops: impl StageLoops,
+        n: usize,
+        has_special: bool,
+    ) -> (Vec<Moved>, Vec<Vec<u64>>, Vec<bool>) {
+        let of = |seed| lanes(n, seed, has_special);
+        let (y, residue) = (numbers(n, 1, has_special), numbers(n, 2, has_special));
+        let [mut low, mut high, mut points, mut changes] = [3, 4, 5, 6].map(of);
+        changes.iter_mut().for_each(|change| *change = F64x4::splat(0.0));
+        let sweep = |points: &mut [F64x4], changes: &mut [F64x4]| {
+            loops.points(&row(8), (&y, &residue), [&low, &high], points, changes)
+        };
+        let first = sweep(&mut points, &mut changes);
+        let all = bits(&points);
+        // Of no account where one is not finite.
+        let of_changes = if first.is_finite { bits(&changes) } else { Vec::new() };
+        let mut moved = vec![first, sweep(&mut points, &mut changes)];
+        // A point that moves alone.
+        if let Some(last) = points.last_mut() {
+            *last = *last + F64x4::new([0.0, 0.0, 1.0, 0.0]);
+        }
+        moved.push(sweep(&mut points, &mut changes));
+        let mut least = numbers(n, 9, false).into_iter().map(f64::abs).collect::<Vec<f64>>();
+        let sizes: Vec<F64x4> = lanes(n, 10, false).iter().map(|x| hamel_runtime::Real::abs(*x)).collect();
+        let progress = [sizes.clone(), sizes, vec![F64x4::splat(0.0); n]]
+            .map(|sizes| loops.progress(&sizes, &mut least));
+        let least: Vec<u64> = least.into_iter().map(f64::to_bits).collect();
+        let mut weighed = vec![F64x4::splat(0.0); n];
+        loops.weigh(row(11)[0], &points, &mut weighed);
+        let ends = [row(12), row(13)].map(|row| [row[0], row[1]]);
+        loops.extrapolate(&[row(14), row(15)], &ends, [&y, &residue], [&mut low, &mut high]);
+        let vectors = vec![all, of_changes, least, bits(&weighed), bits(&low), bits(&high)];
+        (moved, vectors, progress.to_vec())
+    }
+
+    #[test]
+    fn loops_have_the_bits_of_the_runtime_in_all_registers() {
+        for loops in [Registers::Avx, Registers::Avx512].into_iter().filter_map(WideSums::up_to) {
+            for n in 0..=13 {
+                for has_special in [false, true] {
+                    let (own, found) = (written(OwnLoops, n, has_special), written(loops, n, has_special));
+                    assert_eq!(own, found, "{n} components, special numbers {has_special}");
+                }
+            }
+        }
+    }
+
+    /// Sums that begin with the stages of the second half.
+    #[derive(Clone, Copy)]
+    struct Turned;
+
+    impl StageLoops for Turned {
+        fn points(
+            self,
+            row: &StageRow,
+            from: (&[f64], &[f64]),
+            [low, high]: [&[F64x4]; 2],
+            points: &mut [F64x4],
+            changes: &mut [F64x4],
+        ) -> Moved {
+            let mut row = *row;
+            row.rotate_left(4);
+            OwnLoops.points(&row, from, [high, low], points, changes)
+        }
+
+        fn weigh(self, weight: F64x4, slopes: &[F64x4], increments: &mut [F64x4]) {
+            OwnLoops.weigh(weight, slopes, increments);
+        }
+
+        fn extrapolate(
+            self,
+            rows: &[StageRow; 2],
+            ends: &[[F64x4; 2]; 2],
+            slopes: [&[f64]; 2],
+            increments: [&mut [F64x4]; 2],
+        ) {
+            OwnLoops.extrapolate(rows, ends, slopes, increments);
+        }
+
+        fn progress(self, changes: &[F64x4], least: &mut [f64]) -> bool {
+            OwnLoops.progress(changes, least)
+        }
+    }
+
+    #[test]
+    fn another_order_of_the_sums_is_found() {
+        assert_ne!(written(OwnLoops, 5, false), written(Turned, 5, false));
+    }
+}
