@@ -1,6 +1,6 @@
 //! The loops of collocation over the components of a state, in registers of four numbers where the processor has them.
 //!
-//! One of three files with unsafe code: functions for AVX and AVX-512 are called, which is sound because [`WideSums`]
+//! One of four files with unsafe code: functions for AVX and AVX-512 are called, which is sound because [`WideSums`]
 //! is made by [`WideSums::up_to`] alone, after it has asked the processor; they read and write slices whose lengths
 //! have been compared.
 //!

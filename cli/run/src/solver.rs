@@ -5,6 +5,7 @@
 use std::sync::LazyLock;
 
 use hamel_codegen::spec::Want;
+use hamel_program::program::SeriesRoom;
 use hamel_runtime::{
     Discrete2, Discrete4, Discrete6, Dop853, Dopri5, F64x4, F64x8, Gauss4, Gauss6, Gauss8, Gauss16,
     Gauss16With, Gbs14, Method, Midpoint, OnCircles, Rk4, Splitting2, Splitting4, Splitting6, Taylor, Tsit5,
@@ -199,7 +200,7 @@ fn discrete<'a>(
 /// # Errors
 /// [`Error::Options`] when it has not.
 fn has_series(dynamics: &dyn Dynamics, y: &[f64]) -> Result<(), Error> {
-    if dynamics.series((0.0, 0.0), y, &mut []).is_some() {
+    if dynamics.series((0.0, 0.0), y, &mut SeriesRoom::default(), &mut []).is_some() {
         return Ok(());
     }
     let info = dynamics.info();

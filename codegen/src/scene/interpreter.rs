@@ -11,7 +11,9 @@ use hamel_runtime::{Dual, Real};
 
 use hamel_expr::error::Error;
 use hamel_lang::spec::{EventDirection, Want};
-use hamel_program::program::{Circles, Jet, Point, Program, Role, Run, ViolatedCondition, verify_rules};
+use hamel_program::program::{
+    Circles, Jet, Point, Program, Role, Run, SeriesRoom, ViolatedCondition, verify_rules,
+};
 
 use super::bracket::REMAINDER;
 use super::built::BuiltScene;
@@ -586,6 +588,21 @@ impl Interpreter<'_> {
     /// When a size is wrong.
     pub fn series_with(&self, jet: &Jet, (t, y): (f64, &[f64]), u: &[Vec<f64>], out: &mut [&mut [f64]]) {
         jet.series_with((&self.params, &self.prepared), (t, y), u, out);
+    }
+
+    /// The same by whoever runs the program of the recurrence, as [`Jet::series_by`].
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn series_by(
+        &self,
+        (jet, run): (&Jet, &dyn Run<f64>),
+        room: &mut SeriesRoom,
+        point: (f64, &[f64]),
+        u: Option<&[Vec<f64>]>,
+        out: &mut [&mut [f64]],
+    ) {
+        jet.series_by(run, room, (&self.params, &self.prepared), point, u, out);
     }
 
     /// The state with cosines and sines of the angles of [`Executable::circles`] behind it.
