@@ -43,8 +43,8 @@ impl StageLoops for WideSums {
         changes: &mut [F64x4],
     ) -> Moved {
         let n = points.len();
-        let lengths = [y.len(), residue.len(), low.len(), high.len(), changes.len()];
-        assert!(lengths == [n; 5], "components");
+        assert!(y.len() == n && residue.len() == n && changes.len() == n, "components");
+        assert!(low.len() == n && high.len() == n, "components");
         in_registers!(self, points(row, (y, residue), [low, high], points, changes))
     }
 

@@ -225,3 +225,69 @@ fn not_projected(method: MethodName, info: &Info, n_invariants: usize) -> Error 
     let (method, Info { scene, model, .. }) = (method.name(), info);
     Error::Options { reason: format!("method {method}: scene {scene} of {model} {reason}") }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use hamel_runtime::{Integrator, Method, Options, Stats, Taylor};
+
+    use super::{Gauss16, Gauss16With, Registers, WideSums};
+    use crate::cache::Cache;
+    use crate::dynamics::{Factory as _, PreparedScene, VecState};
+    use crate::interpreted::{self, Built};
+    use crate::model::Checked;
+    use crate::session::Session;
+
+    const CART: &str = "
+        model cart {
+            param l = 2 where l > 0;
+            coordinate theta in angle;
+            coordinate x in real;
+            coordinate z in real;
+            lagrangian = (x_dot^2 + z_dot^2 + l^2*theta_dot^2/2 + x_dot*theta_dot*cos(theta))/2 + l*cos(theta)
+                - x^2/2 + x*sin(3*t)/4 - z^4/4 + z*x;
+        }
+    ";
+
+    fn cart() -> Built {
+        let model = Session::of_shipped(&[]).parse("cart", CART).unwrap_or_else(|e| panic!("{e}"));
+        let model = Arc::new(Checked::new(model, Cache::none()));
+        interpreted::build(&model, "default").unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    /// Some states of a motion, within steps as well, and the work.
+    fn motion<'a, M>(scene: &PreparedScene<'a>, method: M, options: Options<f64>) -> (Vec<Vec<u64>>, Stats)
+    where
+        M: Method<f64, PreparedScene<'a>>,
+    {
+        let start = VecState(vec![0.3, -0.2, 0.5, 0.1, 0.4, -0.7]);
+        let mut solver = Integrator::new(scene, method, 0.0, start, options).unwrap();
+        let mut states = Vec::new();
+        let times = [0.33, 0.91, 2.0];
+        solver
+            .sample(2.0, times, |_, y: &VecState| states.push(y.0.iter().map(|x| x.to_bits()).collect()))
+            .unwrap();
+        (states, solver.stats())
+    }
+
+    #[test]
+    fn collocation_has_the_bits_of_the_runtime_in_all_registers() {
+        for built in [cart(), cart().in_memory()] {
+            let scene = built.prepare(&[1.5]).unwrap();
+            let options = Options::fixed(0.1);
+            let own = motion(&scene, Gauss16, options);
+            for wide in [Registers::Avx, Registers::Avx512].into_iter().filter_map(WideSums::up_to) {
+                assert_eq!(motion(&scene, Gauss16With(wide), options), own);
+            }
+        }
+    }
+
+    #[test]
+    fn series_in_memory_have_the_bits_of_those_interpreted() {
+        let [interpreted, in_memory] = [cart(), cart().in_memory()].map(|built| {
+            motion(&built.prepare(&[1.5]).unwrap(), Taylor::new(), Options::adaptive(1e-12, 1e-12))
+        });
+        assert_eq!(interpreted, in_memory);
+    }
+}
