@@ -1,5 +1,5 @@
-//! Programs of a scene, with what runs them: machine code that is made when a function is first called, or nothing, where
-//! they are interpreted.
+//! Programs of a scene, with what runs them: machine code that is made when a function is first called, or nothing
+//! where they are interpreted.
 //!
 //! Does not know: which scene a program is of, who asks for it.
 
