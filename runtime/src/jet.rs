@@ -192,20 +192,17 @@ fn convolve_block<R: Real, const WIDTH: usize>([left, right]: [&[R]; 2], at: usi
     let n = sums.len();
     let n_rows = left.len() / n;
     let mut block = [R::ZERO; WIDTH];
-    let mut add = |i: usize, j: usize| {
-        let (left, right) = (&left[i * n + at..][..WIDTH], &right[j * n + at..][..WIDTH]);
+    // One loop, as a closure may stay a function of its own, in other registers than its caller.
+    for term in 0..n_rows {
+        let i = match n_rows - term {
+            1 => term,
+            2 => 0,
+            _ => term + 1,
+        };
+        let (left, right) = (&left[i * n + at..][..WIDTH], &right[(n_rows - 1 - i) * n + at..][..WIDTH]);
         for lane in 0..WIDTH {
             block[lane] = left[lane].mul_add(right[lane], block[lane]);
         }
-    };
-    for i in 1..n_rows.saturating_sub(1) {
-        add(i, n_rows - 1 - i);
-    }
-    if n_rows > 0 {
-        add(0, n_rows - 1);
-    }
-    if n_rows > 1 {
-        add(n_rows - 1, 0);
     }
     sums[at..at + WIDTH].copy_from_slice(&block);
 }
