@@ -334,7 +334,7 @@ mod tests {
         let mut moved = vec![first, sweep(&mut points, &mut changes)];
         // A point that moves alone.
         if let Some(last) = points.last_mut() {
-            *last = *last + F64x4::new([0.0, 0.0, 1.0, 0.0]);
+            *last += F64x4::new([0.0, 0.0, 1.0, 0.0]);
         }
         moved.push(sweep(&mut points, &mut changes));
         let mut least = numbers(n, 9, false).into_iter().map(f64::abs).collect::<Vec<f64>>();

@@ -88,7 +88,8 @@ impl Jet {
         let state = zeros(state, inputs);
         let results = zeros(results, n + self.n_kept.max(2 * n_lanes));
         let coefficient = zeros(coefficient, n);
-        (left.clear(), right.clear());
+        left.clear();
+        right.clear();
         hold(held, 0);
         state[..n].copy_from_slice(y);
         let of_first = &mut results[..n + self.n_kept];
