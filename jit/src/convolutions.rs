@@ -4,13 +4,13 @@
 //! been asked for. They are the runtime's own function, compiled again: no operation is fused, as a program that fuses
 //! has no wider registers.
 //!
-//! Deliberately does not know: what is convolved.
+//! Deliberately does not know: whose series are convolved.
 
 use hamel_runtime::convolve as own;
 
 use crate::lanes::Registers;
 
-/// [`hamel_runtime::convolve`], in these registers, which are those of this processor or fewer.
+/// [`hamel_runtime::convolve`], in these registers, which this processor has.
 #[cfg(target_arch = "x86_64")]
 pub(crate) fn convolve(registers: Registers, rows: [&[f64]; 2], sums: &mut [f64]) {
     #[target_feature(enable = "avx")]

@@ -82,7 +82,7 @@ impl WideSums {
         (registers >= Registers::Avx).then_some(WideSums(registers))
     }
 
-    /// Those that there are.
+    /// The registers.
     #[cfg(target_arch = "x86_64")]
     pub(crate) fn registers(self) -> Registers {
         self.0

@@ -41,7 +41,7 @@ pub struct Built {
     derived: OnceLock<Option<Arc<BuiltScene>>>,
     /// The right-hand side on circles, made when first asked for; none where it does not pay.
     circles: OnceLock<Option<RunnableCircles>>,
-    /// The recurrence of Taylor coefficients, derived when first asked for; none where there is none.
+    /// The recurrence of Taylor coefficients, derived when first asked for, if it exists.
     series: OnceLock<Option<RunnableSeries>>,
     /// The same with its invariants, when first asked for; none if there are none.
     invariants: OnceLock<Option<Runnable>>,

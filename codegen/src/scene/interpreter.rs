@@ -11,9 +11,7 @@ use hamel_runtime::{Dual, Real};
 
 use hamel_expr::error::Error;
 use hamel_lang::spec::{EventDirection, Want};
-use hamel_program::program::{
-    Circles, Jet, Point, Program, Role, Run, SeriesRoom, ViolatedCondition, verify_rules,
-};
+use hamel_program::program::{Circles, Jet, Point, Program, Role, Run, ViolatedCondition, verify_rules};
 
 use super::bracket::REMAINDER;
 use super::built::BuiltScene;
@@ -26,6 +24,7 @@ use super::places::{Places, with_space};
 use super::plan::INVARIANTS;
 use super::positions::{self, PositionLayout};
 
+mod series;
 mod vectors;
 
 /// Most entries of a matrix that is read back: a gigabyte of numbers.
@@ -571,38 +570,6 @@ impl Interpreter<'_> {
             state[column] = Dual::constant(y[column]);
             rows.iter_mut().zip(&out).for_each(|(row, value)| row[column] = value.derivative);
         }
-    }
-
-    /// Taylor coefficients of the solution through a state, by the recurrence of [`BuiltScene::jet`].
-    ///
-    /// # Panics
-    /// When a size is wrong.
-    pub fn series(&self, jet: &Jet, t: f64, y: &[f64], out: &mut [&mut [f64]]) {
-        jet.series(&self.params, &self.prepared, t, y, out);
-    }
-
-    /// The same where the inputs are polynomials in time, as [`Jet::series_with`] takes them, whatever they are held
-    /// at.
-    ///
-    /// # Panics
-    /// When a size is wrong.
-    pub fn series_with(&self, jet: &Jet, (t, y): (f64, &[f64]), u: &[Vec<f64>], out: &mut [&mut [f64]]) {
-        jet.series_with((&self.params, &self.prepared), (t, y), u, out);
-    }
-
-    /// The same by whoever runs the program of the recurrence, as [`Jet::series_by`].
-    ///
-    /// # Panics
-    /// When a size is wrong.
-    pub fn series_by(
-        &self,
-        (jet, run): (&Jet, &dyn Run<f64>),
-        room: &mut SeriesRoom,
-        point: (f64, &[f64]),
-        u: Option<&[Vec<f64>]>,
-        out: &mut [&mut [f64]],
-    ) {
-        jet.series_by(run, room, (&self.params, &self.prepared), point, u, out);
     }
 
     /// The state with cosines and sines of the angles of [`Executable::circles`] behind it.

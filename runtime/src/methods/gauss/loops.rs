@@ -8,7 +8,7 @@ use crate::real::Real;
 /// Number of stages, in the lanes of two halves.
 pub(super) const STAGES: usize = 8;
 
-/// Weights of all stages in those of a half.
+/// Weights of all stages in the stages of a half.
 pub type StageRow = [F64x4; STAGES];
 
 /// What a sweep over the points of a half has found.
@@ -51,7 +51,7 @@ pub trait StageLoops: Copy {
     /// `increments = weight slopes`.
     fn weigh(self, weight: F64x4, slopes: &[F64x4], increments: &mut [F64x4]);
 
-    /// Increments of the halves of a step by those of another:
+    /// Increments of the halves of a step by the increments of another:
     ///
     /// ```text
     /// increments = sum(ends_0 slopes_0 + ends_1 slopes_1, rows, increments before)
