@@ -7,7 +7,8 @@ use hamel_program::program::{Jet, Run, SeriesRoom};
 use super::Interpreter;
 
 impl Interpreter<'_> {
-    /// Taylor coefficients of the solution through a state, by the recurrence of [`BuiltScene::jet`](crate::scene::BuiltScene::jet).
+    /// Taylor coefficients of the solution through a state, by the recurrence of
+    /// [`BuiltScene::jet`](crate::scene::BuiltScene::jet).
     ///
     /// # Panics
     /// When a size is wrong.
