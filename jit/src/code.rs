@@ -1,6 +1,6 @@
 //! One compiled function in executable memory.
 //!
-//! One of two files with unsafe code: a function of machine code is called through a pointer, which no type can vouch
+//! One of four files with unsafe code: a function of machine code is called through a pointer, which no type can vouch
 //! for. What makes it sound: [`Code`] is made by [`Code::compile`] alone, from a function whose places the program's
 //! verifier has checked; the sizes of all vectors are kept beside the code and compared in every call; code reads and
 //! writes nothing but those vectors and its own constants; it lives as long as its memory.

@@ -36,6 +36,8 @@ mod assembler;
 mod avx;
 mod calls;
 mod code;
+mod collocation;
+mod convolutions;
 mod error;
 mod instructions;
 mod kernel;
@@ -330,6 +332,10 @@ impl Run<f64> for Compiled {
         out: &mut [f64],
     ) {
         self.call(function_idx, Width::One, params, prepared, point, out, Code::call);
+    }
+
+    fn convolve(&self, rows: [&[f64]; 2], sums: &mut [f64]) {
+        convolutions::convolve(self.registers, rows, sums);
     }
 }
 

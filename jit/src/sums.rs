@@ -3,7 +3,7 @@
 //! A program for any processor of its kind has registers of two numbers. Whether this one has wider ones is asked for
 //! once, when it runs; every lane has the bits of the same operations of the runtime.
 //!
-//! One of two files with unsafe code: functions for AVX and AVX-512 are called, which is sound because [`WideSums`] is
+//! One of four files with unsafe code: functions for AVX and AVX-512 are called, which is sound because [`WideSums`] is
 //! made by [`WideSums::up_to`] alone, after it has asked the processor; they read and write slices whose lengths have
 //! been compared.
 //!
@@ -80,6 +80,12 @@ impl WideSums {
     pub fn up_to(most: Registers) -> Option<WideSums> {
         let registers = Registers::of_host().min(most);
         (registers >= Registers::Avx).then_some(WideSums(registers))
+    }
+
+    /// The registers.
+    #[cfg(target_arch = "x86_64")]
+    pub(crate) fn registers(self) -> Registers {
+        self.0
     }
 
     /// `out = y + h sum_j weight_j k_j`, the first term first.

@@ -4,6 +4,7 @@ mod every_operation;
 mod inputs;
 mod lanes;
 mod rows;
+mod series;
 
 use hamel_jit::{Registers, Wide};
 use hamel_runtime::{F64x4, F64x8};

@@ -154,3 +154,81 @@ impl<R: Real, const N: usize> Convolutions<R, N> {
         sums
     }
 }
+
+/// The inner parts of Cauchy products of any number of series, side by side, from their rows of the orders 1, 2, ..:
+///
+/// ```text
+/// sums = sum_{j=1}^{k-1} left_j right_{k-j}
+/// ```
+///
+/// with the bits of [`Convolutions`]: the terms with the last rows come last.
+///
+/// # Shapes
+/// left, right: \[k - 1\]\[n\], sums: \[n\].
+///
+/// # Panics
+/// When a size is wrong.
+#[inline(always)]
+pub fn convolve<R: Real>([left, right]: [&[R]; 2], sums: &mut [R]) {
+    let n = sums.len();
+    let mut at = 0;
+    while at + 16 <= n {
+        convolve_block::<R, 16>([left, right], at, sums);
+        at += 16;
+    }
+    while at + 4 <= n {
+        convolve_block::<R, 4>([left, right], at, sums);
+        at += 4;
+    }
+    while at < n {
+        convolve_block::<R, 1>([left, right], at, sums);
+        at += 1;
+    }
+}
+
+/// The same for `WIDTH` series from a place on.
+#[inline(always)]
+fn convolve_block<R: Real, const WIDTH: usize>([left, right]: [&[R]; 2], at: usize, sums: &mut [R]) {
+    let n = sums.len();
+    let n_rows = left.len() / n;
+    let mut block = [R::ZERO; WIDTH];
+    // One loop, as a closure may stay a function of its own, in other registers than its caller.
+    for term in 0..n_rows {
+        let i = match n_rows - term {
+            1 => term,
+            2 => 0,
+            _ => term + 1,
+        };
+        let (left, right) = (&left[i * n + at..][..WIDTH], &right[(n_rows - 1 - i) * n + at..][..WIDTH]);
+        for lane in 0..WIDTH {
+            block[lane] = left[lane].mul_add(right[lane], block[lane]);
+        }
+    }
+    sums[at..at + WIDTH].copy_from_slice(&block);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Convolutions, convolve};
+
+    #[test]
+    fn sums_side_by_side_have_the_bits_of_sums_alone() {
+        for n in [0, 1, 3, 4, 5, 16, 21, 37] {
+            let mut alone = std::vec![Convolutions::<f64, 1>::default(); n];
+            let (mut left, mut right) = (std::vec::Vec::new(), std::vec::Vec::new());
+            for order in 0..9 {
+                let mut sums = std::vec![1.0; n];
+                convolve([&left, &right], &mut sums);
+                let own: std::vec::Vec<f64> = alone.iter().map(|lane| lane.sums()[0]).collect();
+                assert_eq!(sums, own, "{n} series, {order} rows");
+                for (k, lane) in alone.iter_mut().enumerate() {
+                    let x = (k as f64 + 1.7 * f64::from(order)).sin();
+                    let y = (x * 12.3).cos();
+                    lane.push([x], [y]);
+                    left.push(x);
+                    right.push(y);
+                }
+            }
+        }
+    }
+}

@@ -124,7 +124,7 @@ pub use inputs::{
     Controlled, ControlledJet, InputDifferentiable, PolynomialSignal, Signal, SignalOverScalar, WithInput,
 };
 pub use integrator::{AtRest, Integrator, Progress, Stats};
-pub use jet::{Convolutions, Jet, MAX_ORDER, set_order};
+pub use jet::{Convolutions, Jet, MAX_ORDER, convolve, set_order};
 #[cfg(feature = "lanes")]
 pub use lanes::{F64x4, F64x8};
 pub use methods::{
@@ -135,7 +135,7 @@ pub use methods::{
     Tolerances, Tsit5, Turning, Vern9,
 };
 #[cfg(feature = "lanes")]
-pub use methods::{Gauss16, Gbs14, Halves, Rows, Turns};
+pub use methods::{Gauss16, Gauss16With, Gbs14, Halves, Moved, OwnLoops, Rows, StageLoops, StageRow, Turns};
 #[cfg(feature = "nalgebra")]
 pub use nalgebra;
 #[cfg(feature = "nalgebra")]

@@ -13,6 +13,7 @@ use hamel_runtime::{
 
 use hamel_codegen::scene::{DiscreteLayout, DiscretePart};
 use hamel_codegen::spec::Want;
+use hamel_program::program::SeriesRoom;
 
 use super::info::Info;
 use super::machine::Wide;
@@ -79,7 +80,7 @@ pub trait Dynamics: Send + Sync {
 
     /// Writes the Taylor coefficients of the solution through a state on the way from a time to another one, and says
     /// up to which time they hold, as [`Jet::series_towards`]; none when the scene has no series.
-    fn series(&self, way: (f64, f64), y: &[f64], out: &mut [VecState]) -> Option<f64>;
+    fn series(&self, way: (f64, f64), y: &[f64], room: &mut SeriesRoom, out: &mut [VecState]) -> Option<f64>;
 
     /// Writes the derivatives of the right-hand side: row `i` has those of component `i`.
     fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]);
@@ -521,16 +522,24 @@ impl Differentiable<f64> for dyn Dynamics + '_ {
 }
 
 impl Jet<f64> for dyn Dynamics + '_ {
-    type Workspace = ();
+    type Workspace = SeriesRoom;
 
-    fn workspace(&self) {}
+    fn workspace(&self) -> SeriesRoom {
+        SeriesRoom::default()
+    }
 
-    fn series(&self, t: f64, y: &VecState, workspace: &mut (), out: &mut [VecState]) {
+    fn series(&self, t: f64, y: &VecState, workspace: &mut SeriesRoom, out: &mut [VecState]) {
         self.series_towards((t, t), y, workspace, out);
     }
 
-    fn series_towards(&self, way: (f64, f64), y: &VecState, (): &mut (), out: &mut [VecState]) -> f64 {
-        Dynamics::series(self, way, &y.0, out).unwrap_or_else(|| {
+    fn series_towards(
+        &self,
+        way: (f64, f64),
+        y: &VecState,
+        workspace: &mut SeriesRoom,
+        out: &mut [VecState],
+    ) -> f64 {
+        Dynamics::series(self, way, &y.0, workspace, out).unwrap_or_else(|| {
             // The integrator reports what is not finite; who drives it asks first whether there are series.
             out.iter_mut().for_each(|state| state.0.fill(f64::NAN));
             way.1
@@ -569,15 +578,23 @@ impl Differentiable<f64> for PreparedScene<'_> {
 }
 
 impl Jet<f64> for PreparedScene<'_> {
-    type Workspace = ();
+    type Workspace = SeriesRoom;
 
-    fn workspace(&self) {}
+    fn workspace(&self) -> SeriesRoom {
+        SeriesRoom::default()
+    }
 
-    fn series(&self, t: f64, y: &VecState, workspace: &mut (), out: &mut [VecState]) {
+    fn series(&self, t: f64, y: &VecState, workspace: &mut SeriesRoom, out: &mut [VecState]) {
         Jet::series(&**self, t, y, workspace, out);
     }
 
-    fn series_towards(&self, way: (f64, f64), y: &VecState, workspace: &mut (), out: &mut [VecState]) -> f64 {
+    fn series_towards(
+        &self,
+        way: (f64, f64),
+        y: &VecState,
+        workspace: &mut SeriesRoom,
+        out: &mut [VecState],
+    ) -> f64 {
         Jet::series_towards(&**self, way, y, workspace, out)
     }
 }

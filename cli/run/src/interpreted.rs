@@ -3,12 +3,11 @@
 //!
 //! Does not know: commands, files, JSON.
 
-use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 
 use hamel_codegen::scene::{self, BuiltScene, DiscreteLayout, DiscretePart, Executable, Interpreter};
 use hamel_codegen::spec::Want;
-use hamel_program::program::{Circles, Counts, Function, Jet, Program, Role, Run, ViolatedCondition};
+use hamel_program::program::{Counts, Function, Role, SeriesRoom};
 use hamel_runtime::{Dual, F64x4, F64x8, Failure, Pivot, Wiener};
 
 use super::constraint_rows::ConstraintRows;
@@ -20,83 +19,13 @@ use super::dynamics::{
 use super::guards::{check, domain, pivots};
 use super::info::Info;
 use super::inputs::{Drive, Driven, InputTable};
-use super::machine::{self, Compiled};
+use super::machine;
+use super::runnable::{Runnable, RunnableCircles, RunnableSeries};
 use super::stored::{Stored, fits, output_entry};
 use super::watched::Watched;
 use crate::cache::Cache;
 use crate::error::Error;
 use crate::model::{self, Checked, Model};
-use crate::streams::note;
-
-/// A program with what runs it: its machine code, or nothing where it is interpreted.
-#[derive(Debug)]
-struct Runnable {
-    executable: Executable,
-    compiled: Option<Compiled>,
-}
-
-impl Deref for Runnable {
-    type Target = Executable;
-
-    fn deref(&self) -> &Executable {
-        &self.executable
-    }
-}
-
-/// The machine code of a program; none, with a note, where there is no compiler for this machine.
-fn compiled(program: &Program) -> Option<Compiled> {
-    let compiled = Compiled::new(program);
-    if let Err(reason) = &compiled {
-        note(format_args!("note: {reason}; the scene is interpreted"));
-    }
-    compiled.ok()
-}
-
-impl Runnable {
-    fn new(executable: Executable, in_memory: bool) -> Runnable {
-        let compiled = in_memory.then(|| compiled(&executable.program)).flatten();
-        Runnable { executable, compiled }
-    }
-
-    fn prepare(&self, params: &[f64]) -> Result<Interpreter<'_>, ViolatedCondition> {
-        match &self.compiled {
-            Some(compiled) => self.executable.prepare_on(compiled, params),
-            None => self.executable.prepare(params),
-        }
-    }
-
-    /// On lanes with parameters and inputs of their own, where the program is compiled.
-    fn prepare_lanes<L: Several>(
-        &self,
-        (params, inputs): (&[L], &[L]),
-        drive: &Drive,
-    ) -> Option<Result<OnLanes<'_, L>, ViolatedCondition>> {
-        let compiled = self.compiled.as_ref()?;
-        let rate = self.program.function_idx(&Role::Rate)?;
-        let on_lanes = |interpreter| OnLanes {
-            driving: Driving::held(interpreter).driven(drive).holding(inputs),
-            n_values: params.len() + inputs.len(),
-            rate: (compiled, rate),
-        };
-        Some(self.executable.prepare_on(compiled, params).map(on_lanes))
-    }
-}
-
-/// The right-hand side on circles, with what runs it.
-#[derive(Debug)]
-struct RunnableCircles {
-    circles: Circles,
-    compiled: Option<Compiled>,
-}
-
-impl RunnableCircles {
-    fn run(&self) -> &dyn Run<f64> {
-        match &self.compiled {
-            Some(compiled) => compiled,
-            None => &self.circles.program,
-        }
-    }
-}
 
 /// A scene that this process evaluates.
 #[derive(Debug)]
@@ -112,6 +41,8 @@ pub struct Built {
     derived: OnceLock<Option<Arc<BuiltScene>>>,
     /// The right-hand side on circles, made when first asked for; none where it does not pay.
     circles: OnceLock<Option<RunnableCircles>>,
+    /// The recurrence of Taylor coefficients, derived when first asked for, if it exists.
+    series: OnceLock<Option<RunnableSeries>>,
     /// The same with its invariants, when first asked for; none if there are none.
     invariants: OnceLock<Option<Runnable>>,
     /// The same with its equations between coordinates; none if there are none.
@@ -171,6 +102,7 @@ impl Built {
             info,
             derived,
             circles: OnceLock::new(),
+            series: OnceLock::new(),
             invariants: OnceLock::new(),
             positions: OnceLock::new(),
             residuals: OnceLock::new(),
@@ -235,12 +167,13 @@ impl Built {
     }
 
     fn circles(&self) -> Option<&RunnableCircles> {
-        let make = || {
-            let circles = self.executable.circles()?;
-            let compiled = self.is_in_memory.then(|| compiled(&circles.program)).flatten();
-            Some(RunnableCircles { circles, compiled })
-        };
+        let make = || Some(RunnableCircles::new(self.executable.circles()?, self.is_in_memory));
         self.circles.get_or_init(make).as_ref()
+    }
+
+    fn series(&self) -> Option<&RunnableSeries> {
+        let make = || Some(RunnableSeries::new(self.executable.jet().ok()?, self.is_in_memory));
+        self.series.get_or_init(make).as_ref()
     }
 
     /// The scene with its equations; none only by a bug, because it was derived before.
@@ -394,7 +327,6 @@ impl Built {
             params: params.to_vec(),
             inputs: inputs.to_vec(),
             interpreter: Driving::held(interpreter).driven(drive).holding(inputs),
-            jet: OnceLock::new(),
             invariants: OnceLock::new(),
             positions: OnceLock::new(),
             constraint_rows: OnceLock::new(),
@@ -441,8 +373,6 @@ struct Interpreted<'a> {
     /// What the inputs are held at in the place of what drives them; empty unless they are.
     inputs: Vec<f64>,
     interpreter: Driving<'a>,
-    /// The recurrence of Taylor coefficients, derived when first asked for.
-    jet: OnceLock<Option<Jet>>,
     /// The interpreter of the scene with invariants.
     invariants: OnceLock<Option<Interpreter<'a>>>,
     /// The interpreter of the scene with its equations between coordinates.
@@ -550,17 +480,19 @@ impl Dynamics for Interpreted<'_> {
         self.interpreter.at(t).outputs(t, y)
     }
 
-    fn series(&self, (t, towards): (f64, f64), y: &[f64], out: &mut [VecState]) -> Option<f64> {
-        let jet = self.jet.get_or_init(|| self.built.executable.jet().ok()).as_ref()?;
+    fn series(
+        &self,
+        (t, towards): (f64, f64),
+        y: &[f64],
+        room: &mut SeriesRoom,
+        out: &mut [VecState],
+    ) -> Option<f64> {
+        let series = self.built.series()?;
         let mut out: Vec<&mut [f64]> = out.iter_mut().map(|state| state.0.as_mut_slice()).collect();
         let Driving { interpreter, drive } = &self.interpreter;
-        let Some(drive) = drive else {
-            interpreter.series(jet, t, y, &mut out);
-            return Some(towards);
-        };
-        let (inputs, until) = drive.piece((t, towards));
-        interpreter.series_with(jet, (t, y), &inputs, &mut out);
-        Some(until)
+        let (inputs, until) = drive.as_ref().map(|drive| drive.piece((t, towards))).unzip();
+        interpreter.series_by((&series.jet, series.run()), room, (t, y), inputs.as_deref(), &mut out);
+        Some(until.unwrap_or(towards))
     }
 
     fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]) {

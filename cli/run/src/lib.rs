@@ -51,6 +51,7 @@ mod record;
 pub mod repository;
 pub mod request;
 pub mod resources;
+mod runnable;
 mod saltation;
 mod sensitivity;
 pub mod session;

@@ -18,7 +18,7 @@ pub(super) use nothing::{Compiled, Registers, Slopes, WideSums};
 #[cfg(not(all(feature = "jit", not(target_family = "wasm"))))]
 mod nothing {
     use hamel_program::program::{Point, Program, Run};
-    use hamel_runtime::{F64x4, F64x8, Real, Row};
+    use hamel_runtime::{F64x4, F64x8, Moved, Real, Row, StageLoops, StageRow};
 
     /// A scalar of several lanes.
     pub trait Wide: Real {
@@ -111,6 +111,31 @@ mod nothing {
             _: [&[L]; 2],
             _: [&[L]; 2],
         ) -> [f64; 2] {
+            match self {}
+        }
+    }
+
+    impl StageLoops for WideSums {
+        fn points(
+            self,
+            _: &StageRow,
+            _: (&[f64], &[f64]),
+            _: [&[F64x4]; 2],
+            _: &mut [F64x4],
+            _: &mut [F64x4],
+        ) -> Moved {
+            match self {}
+        }
+
+        fn weigh(self, _: F64x4, _: &[F64x4], _: &mut [F64x4]) {
+            match self {}
+        }
+
+        fn extrapolate(self, _: &[StageRow; 2], _: &[[F64x4; 2]; 2], _: [&[f64]; 2], _: [&mut [F64x4]; 2]) {
+            match self {}
+        }
+
+        fn progress(self, _: &[F64x4], _: &mut [f64]) -> bool {
             match self {}
         }
     }

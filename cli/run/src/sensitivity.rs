@@ -2,6 +2,7 @@
 //!
 //! Does not know: how anything is integrated, how a request was written.
 
+use hamel_program::program::SeriesRoom;
 use hamel_runtime::{Dual, Failure, Pivot, Real, System, Variational, Wiener};
 
 use super::direction::Direction;
@@ -146,7 +147,7 @@ impl Dynamics for PreparedAlong<'_> {
         self.base.outputs(t, self.own(y))
     }
 
-    fn series(&self, _way: (f64, f64), _y: &[f64], _out: &mut [VecState]) -> Option<f64> {
+    fn series(&self, _: (f64, f64), _: &[f64], _: &mut SeriesRoom, _: &mut [VecState]) -> Option<f64> {
         None
     }
 

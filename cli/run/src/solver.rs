@@ -5,9 +5,11 @@
 use std::sync::LazyLock;
 
 use hamel_codegen::spec::Want;
+use hamel_program::program::SeriesRoom;
 use hamel_runtime::{
-    Discrete2, Discrete4, Discrete6, Dop853, Dopri5, F64x4, F64x8, Gauss4, Gauss6, Gauss8, Gauss16, Gbs14,
-    Method, Midpoint, OnCircles, Rk4, Splitting2, Splitting4, Splitting6, Taylor, Tsit5, Vern9,
+    Discrete2, Discrete4, Discrete6, Dop853, Dopri5, F64x4, F64x8, Gauss4, Gauss6, Gauss8, Gauss16,
+    Gauss16With, Gbs14, Method, Midpoint, OnCircles, Rk4, Splitting2, Splitting4, Splitting6, Taylor, Tsit5,
+    Vern9,
 };
 
 use super::any_method::{AnyMethod, MAX_INVARIANTS, OfBoth, OfLanes, OfScenes};
@@ -15,7 +17,7 @@ use super::auto::{self, Purpose};
 use super::dynamics::{Dynamics, PreparedLanes};
 use super::extrapolated::Extrapolated;
 use super::info::Info;
-use super::machine::Registers;
+use super::machine::{Registers, WideSums};
 use super::method::{MethodName, Steps};
 use super::wide::Wide;
 use crate::error::Error;
@@ -91,7 +93,7 @@ fn own_method<'a>(
         MethodName::Gauss4 => AnyMethod::single(const { &Gauss4::fixed_point() }),
         MethodName::Gauss6 => AnyMethod::single(const { &Gauss6::fixed_point() }),
         MethodName::Gauss8 => AnyMethod::single(const { &Gauss8::fixed_point() }),
-        MethodName::Gauss16 => AnyMethod::single(&Gauss16),
+        MethodName::Gauss16 => AnyMethod::single(gauss16()),
         MethodName::MidpointNewton => AnyMethod::single(const { &Midpoint::newton() }),
         MethodName::Gauss4Newton => AnyMethod::single(const { &Gauss4::newton() }),
         MethodName::Gauss6Newton => AnyMethod::single(const { &Gauss6::newton() }),
@@ -124,8 +126,18 @@ fn own_method<'a>(
         MethodName::Discrete4 => discrete(const { &Discrete4::new() }, method, dynamics)?,
         MethodName::Discrete6 => discrete(const { &Discrete6::new() }, method, dynamics)?,
         MethodName::Projected => projected(&Vern9, method, dynamics)?,
-        MethodName::Gauss16Projected => projected(&Gauss16, method, dynamics)?,
+        MethodName::Gauss16Projected => projected(gauss16(), method, dynamics)?,
     })
+}
+
+/// Collocation, its loops in wide registers where the processor has some.
+fn gauss16<'a>() -> OfScenes<'a> {
+    static WIDE: LazyLock<Option<Gauss16With<WideSums>>> =
+        LazyLock::new(|| WideSums::up_to(Registers::Avx512).map(Gauss16With));
+    match &*WIDE {
+        Some(wide) => wide,
+        None => &Gauss16,
+    }
 }
 
 /// An explicit method of high order, on circles where the scene has angles as points of circles: lanes with a
@@ -188,7 +200,7 @@ fn discrete<'a>(
 /// # Errors
 /// [`Error::Options`] when it has not.
 fn has_series(dynamics: &dyn Dynamics, y: &[f64]) -> Result<(), Error> {
-    if dynamics.series((0.0, 0.0), y, &mut []).is_some() {
+    if dynamics.series((0.0, 0.0), y, &mut SeriesRoom::default(), &mut []).is_some() {
         return Ok(());
     }
     let info = dynamics.info();
@@ -212,4 +224,70 @@ fn not_projected(method: MethodName, info: &Info, n_invariants: usize) -> Error 
     };
     let (method, Info { scene, model, .. }) = (method.name(), info);
     Error::Options { reason: format!("method {method}: scene {scene} of {model} {reason}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use hamel_runtime::{Integrator, Method, Options, Stats, Taylor};
+
+    use super::{Gauss16, Gauss16With, Registers, WideSums};
+    use crate::cache::Cache;
+    use crate::dynamics::{Factory as _, PreparedScene, VecState};
+    use crate::interpreted::{self, Built};
+    use crate::model::Checked;
+    use crate::session::Session;
+
+    const CART: &str = "
+        model cart {
+            param l = 2 where l > 0;
+            coordinate theta in angle;
+            coordinate x in real;
+            coordinate z in real;
+            lagrangian = (x_dot^2 + z_dot^2 + l^2*theta_dot^2/2 + x_dot*theta_dot*cos(theta))/2 + l*cos(theta)
+                - x^2/2 + x*sin(3*t)/4 - z^4/4 + z*x;
+        }
+    ";
+
+    fn cart() -> Built {
+        let model = Session::of_shipped(&[]).parse("cart", CART).unwrap_or_else(|e| panic!("{e}"));
+        let model = Arc::new(Checked::new(model, Cache::none()));
+        interpreted::build(&model, "default").unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    /// Some states of a motion, within steps as well, and the work.
+    fn motion<'a, M>(scene: &PreparedScene<'a>, method: M, options: Options<f64>) -> (Vec<Vec<u64>>, Stats)
+    where
+        M: Method<f64, PreparedScene<'a>>,
+    {
+        let start = VecState(vec![0.3, -0.2, 0.5, 0.1, 0.4, -0.7]);
+        let mut solver = Integrator::new(scene, method, 0.0, start, options).unwrap();
+        let mut states = Vec::new();
+        let times = [0.33, 0.91, 2.0];
+        solver
+            .sample(2.0, times, |_, y: &VecState| states.push(y.0.iter().map(|x| x.to_bits()).collect()))
+            .unwrap();
+        (states, solver.stats())
+    }
+
+    #[test]
+    fn collocation_has_the_bits_of_the_runtime_in_all_registers() {
+        for built in [cart(), cart().in_memory()] {
+            let scene = built.prepare(&[1.5]).unwrap();
+            let options = Options::fixed(0.1);
+            let own = motion(&scene, Gauss16, options);
+            for wide in [Registers::Avx, Registers::Avx512].into_iter().filter_map(WideSums::up_to) {
+                assert_eq!(motion(&scene, Gauss16With(wide), options), own);
+            }
+        }
+    }
+
+    #[test]
+    fn series_in_memory_have_the_bits_of_those_interpreted() {
+        let [interpreted, in_memory] = [cart(), cart().in_memory()].map(|built| {
+            motion(&built.prepare(&[1.5]).unwrap(), Taylor::new(), Options::adaptive(1e-12, 1e-12))
+        });
+        assert_eq!(interpreted, in_memory);
+    }
 }

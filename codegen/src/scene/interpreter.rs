@@ -24,6 +24,7 @@ use super::places::{Places, with_space};
 use super::plan::INVARIANTS;
 use super::positions::{self, PositionLayout};
 
+mod series;
 mod vectors;
 
 /// Most entries of a matrix that is read back: a gigabyte of numbers.
@@ -569,23 +570,6 @@ impl Interpreter<'_> {
             state[column] = Dual::constant(y[column]);
             rows.iter_mut().zip(&out).for_each(|(row, value)| row[column] = value.derivative);
         }
-    }
-
-    /// Taylor coefficients of the solution through a state, by the recurrence of [`BuiltScene::jet`].
-    ///
-    /// # Panics
-    /// When a size is wrong.
-    pub fn series(&self, jet: &Jet, t: f64, y: &[f64], out: &mut [&mut [f64]]) {
-        jet.series(&self.params, &self.prepared, t, y, out);
-    }
-
-    /// The same where the inputs are polynomials in time, as [`Jet::series_with`] takes them, whatever they are held
-    /// at.
-    ///
-    /// # Panics
-    /// When a size is wrong.
-    pub fn series_with(&self, jet: &Jet, (t, y): (f64, &[f64]), u: &[Vec<f64>], out: &mut [&mut [f64]]) {
-        jet.series_with((&self.params, &self.prepared), (t, y), u, out);
     }
 
     /// The state with cosines and sines of the angles of [`Executable::circles`] behind it.

@@ -34,7 +34,7 @@ pub use dopri5::Dopri5;
 pub use explicit::ExplicitMethod;
 pub use gauss::{FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Midpoint, Newton};
 #[cfg(feature = "lanes")]
-pub use gauss::{Gauss16, Halves};
+pub use gauss::{Gauss16, Gauss16With, Halves, Moved, OwnLoops, StageLoops, StageRow};
 #[cfg(feature = "lanes")]
 pub use gbs14::{Gbs14, Rows};
 pub use on_circles::{OnCircles, Turning};

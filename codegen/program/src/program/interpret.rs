@@ -4,7 +4,7 @@
 
 use std::fmt;
 
-use hamel_runtime::Real;
+use hamel_runtime::{Real, convolve};
 
 use super::ir::{Constant, Function, Instruction, Literal, Op, Operand, Prepare, Program};
 use super::report::Report;
@@ -87,6 +87,17 @@ pub trait Run<R>: fmt::Debug + Sync {
     /// # Panics
     /// When the function does not exist or a size is wrong.
     fn run_at(&self, function_idx: usize, params: &[R], prepared: &[R], point: Point<'_, R>, out: &mut [R]);
+
+    /// [`convolve`], in whatever registers: with the same bits.
+    ///
+    /// # Panics
+    /// As [`convolve`].
+    fn convolve(&self, rows: [&[R]; 2], sums: &mut [R])
+    where
+        R: Real,
+    {
+        convolve(rows, sums);
+    }
 }
 
 impl<R: Real> Run<R> for Program {

@@ -36,7 +36,7 @@ pub use report::{FallBack, Limit, Loss, Report, Search};
 pub use role::Role;
 pub use round_trip::Symbols;
 pub use rounding::Bounded;
-pub use series::{Jet, ProductKind};
+pub use series::{Jet, ProductKind, SeriesRoom};
 pub use table::Place;
 pub use table::{Contraction, Factors, Products, Table};
 pub use verify::{verify, verify_rules};

@@ -2,13 +2,17 @@
 //!
 //! The module deliberately does not know step sizes or tolerances: stages are solved to round-off.
 
+#[cfg(feature = "lanes")]
+mod loops;
 mod newton;
 #[cfg(feature = "lanes")]
 mod sixteen;
 mod tableaux;
 
 #[cfg(feature = "lanes")]
-pub use self::sixteen::{Gauss16, Halves};
+pub use self::loops::{Moved, OwnLoops, StageLoops, StageRow};
+#[cfg(feature = "lanes")]
+pub use self::sixteen::{Gauss16, Gauss16With, Halves};
 use self::tableaux::{GAUSS4, GAUSS6, GAUSS8, MIDPOINT};
 use super::iteration::{Change, iterate};
 use super::{Constant, Derivatives, Method, Step, Tableau, c, compensated_advance};

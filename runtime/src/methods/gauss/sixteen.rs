@@ -2,6 +2,7 @@
 //!
 //! Does not know how steps are chosen, or what the system is beyond its right-hand side.
 
+use super::loops::{OwnLoops, STAGES, StageLoops, StageRow, stages};
 use crate::error::Error;
 use crate::lanes::F64x4;
 use crate::methods::iteration::{ROUND_OFF, not_converged};
@@ -38,6 +39,10 @@ use crate::system::{OverScalar, StateVector, System};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Gauss16;
 
+/// [`Gauss16`] with inner loops of somebody else, whose numbers have the same bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Gauss16With<W>(pub W);
+
 /// What [`Gauss16`] keeps: the system in lanes, the last step, and room for one.
 #[derive(Clone, Debug)]
 pub struct Halves<P, L, V> {
@@ -49,8 +54,10 @@ pub struct Halves<P, L, V> {
     /// `Y_i`.
     points: [L; 2],
     slope: L,
-    /// Largest change of each component in a sweep, and the least of all sweeps before.
-    changes: [V; 2],
+    /// Largest changes of each component in a sweep.
+    changes: L,
+    /// The least of all sweeps before.
+    least: V,
     fit: Fit,
 }
 
@@ -65,8 +72,6 @@ const TABLEAU: Tableau = Tableau {
     dense_stages: &[],
     dense: &[],
 };
-
-const STAGES: usize = 8;
 
 /// The nodes `c_i`.
 const NODES: [f64; STAGES] = [
@@ -125,7 +130,7 @@ const MU: [[f64; STAGES]; STAGES] = {
 };
 
 /// `mu_ij` with `i` in the lanes of a half, by half and `j`.
-const COLUMNS: [[F64x4; STAGES]; 2] = {
+const COLUMNS: [StageRow; 2] = {
     let mut columns = [[F64x4::splat(0.0); STAGES]; 2];
     let mut j = 0;
     while j < STAGES {
@@ -201,7 +206,7 @@ struct Place {
 #[derive(Clone, Debug)]
 struct Fit {
     place: Place,
-    stages: [[F64x4; STAGES]; 2],
+    stages: [StageRow; 2],
     ends: [[F64x4; 2]; 2],
 }
 
@@ -231,23 +236,9 @@ impl Fit {
     }
 }
 
-/// Both halves of a component.
-fn lanes<L: StateVector<F64x4>>(halves: &[L; 2], c: usize) -> [f64; STAGES] {
-    let [[a, b, c, d], [e, f, g, h]] = [0, 1].map(|half: usize| halves[half].as_slice()[c].to_array());
-    [a, b, c, d, e, f, g, h]
-}
-
-/// `start + sum_j row_j x_j`, in two sums that need not wait for each other.
-#[inline(always)]
-fn sum(start: F64x4, row: &[F64x4; STAGES], x: &[f64; STAGES]) -> F64x4 {
-    let (mut first, mut second) = (start, row[4] * F64x4::splat(x[4]));
-    for j in 0..4 {
-        first = row[j].mul_add(F64x4::splat(x[j]), first);
-    }
-    for j in 5..STAGES {
-        second = row[j].mul_add(F64x4::splat(x[j]), second);
-    }
-    first + second
+/// The components of both halves.
+fn slices<L: StateVector<F64x4>>(halves: &[L; 2]) -> [&[F64x4]; 2] {
+    halves.each_ref().map(L::as_slice)
 }
 
 impl<P, L, V> Halves<P, L, V>
@@ -257,8 +248,7 @@ where
     V: StateVector<f64>,
 {
     /// Writes starting values to the `L_i` of the step.
-    fn predict<S: System<f64, State = V>>(&mut self, step: &Step<'_, f64, S>) {
-        let n = step.from.state.as_slice().len();
+    fn predict<S: System<f64, State = V>>(&mut self, step: &Step<'_, f64, S>, loops: impl StageLoops) {
         let slope = step.from.slope.as_slice();
         let last_h = step.last_h.filter(|last| step.h / last > 0.0 && step.h / last < 1.5);
         let Some(last_h) = last_h else {
@@ -276,27 +266,31 @@ where
         }
         // What is at both ends of the last step: within it, the slope at its end is that of `to`.
         let other = step.to.slope.as_slice();
-        let ends = if step.is_inside { [slope, other] } else { [other, slope] };
-        for c in 0..n {
-            let known = lanes(&self.last, c);
-            let out = if step.is_inside { &mut self.inside } else { &mut self.last };
-            for (half, out) in out.iter_mut().enumerate() {
-                let [first, last] = self.fit.ends[half];
-                let from_ends = first * F64x4::splat(ends[0][c]) + last * F64x4::splat(ends[1][c]);
-                out.as_mut_slice()[c] = sum(from_ends, &self.fit.stages[half], &known);
+        let slopes = if step.is_inside { [slope, other] } else { [other, slope] };
+        let out = if step.is_inside {
+            for (inside, last) in self.inside.iter_mut().zip(&self.last) {
+                inside.as_mut_slice().copy_from_slice(last.as_slice());
             }
-        }
+            &mut self.inside
+        } else {
+            &mut self.last
+        };
+        loops.extrapolate(&self.fit.stages, &self.fit.ends, slopes, out.each_mut().map(L::as_mut_slice));
     }
 
     /// Sweeps over the stages until round-off is all that changes.
     #[inline(always)]
-    fn iterate<S: System<f64, State = V>>(&mut self, step: &mut Step<'_, f64, S>) -> Result<(), Error> {
+    fn iterate<S: System<f64, State = V>>(
+        &mut self,
+        step: &mut Step<'_, f64, S>,
+        loops: impl StageLoops,
+    ) -> Result<(), Error> {
         const MAX_SWEEPS: u32 = 100;
         /// Changes may grow at first.
         const PATIENCE: u32 = 10;
         /// Sweeps in succession without progress.
         const STALLED: u32 = 2;
-        let Self { system, last, inside, points, slope, changes: [changes, least], .. } = self;
+        let Self { system, last, inside, points, slope, changes, least, .. } = self;
         let increments = if step.is_inside { inside } else { last };
         let (y, residue) = (step.from.state.as_slice(), step.from.residue.as_slice());
         let h = F64x4::splat(step.h);
@@ -304,28 +298,18 @@ where
         least.as_mut_slice().fill(f64::INFINITY);
         let mut stalled = 0;
         for sweep in 1..=MAX_SWEEPS {
-            changes.as_mut_slice().fill(0.0);
-            let mut has_moved = false;
+            changes.as_mut_slice().fill(F64x4::ZERO);
+            let (mut has_moved, mut is_finite) = (false, true);
             for half in 0..2 {
-                let mut is_new = sweep == 1;
-                for (c, point) in points[half].as_mut_slice().iter_mut().enumerate() {
-                    let before = *point;
-                    let row = &COLUMNS[half];
-                    *point = F64x4::splat(y[c]) + sum(F64x4::splat(residue[c]), row, &lanes(increments, c));
-                    let change = (*point - before).magnitude();
-                    let largest = &mut changes.as_mut_slice()[c];
-                    // A NaN is kept, since nothing is above it.
-                    *largest = if change.is_nan() || change > *largest { change } else { *largest };
-                    is_new |= change != 0.0;
-                }
-                if is_new {
+                let (points, known) = (&mut points[half], slices(increments));
+                let to = (points.as_mut_slice(), changes.as_mut_slice());
+                let moved = loops.points(&COLUMNS[half], (y, residue), known, to.0, to.1);
+                is_finite &= moved.is_finite;
+                if sweep == 1 || moved.has_moved {
                     has_moved = true;
-                    system.rhs(F64x4::splat(step.t) + PLACES[half] * h, &points[half], slope);
+                    system.rhs(F64x4::splat(step.t) + PLACES[half] * h, points, slope);
                     *step.rhs_evals += 1;
-                    let increments = increments[half].as_mut_slice().iter_mut();
-                    for (increment, slope) in increments.zip(slope.as_slice()) {
-                        *increment = weights[half] * *slope;
-                    }
+                    loops.weigh(weights[half], slope.as_slice(), increments[half].as_mut_slice());
                 }
             }
             if !has_moved {
@@ -335,20 +319,15 @@ where
             if sweep == 1 {
                 continue;
             }
-            let (mut is_finite, mut has_progress) = (true, false);
-            for (change, least) in changes.as_slice().iter().zip(least.as_mut_slice()) {
-                is_finite &= change.is_finite();
-                if *change > 0.0 && change < least {
-                    (*least, has_progress) = (*change, true);
-                }
-            }
             // What is not finite is found, and explained, by the integrator.
             if !is_finite {
                 return Ok(());
             }
+            let has_progress = loops.progress(changes.as_slice(), least.as_mut_slice());
             stalled = if has_progress { 0 } else { stalled + 1 };
             if stalled == STALLED {
-                let largest = changes.as_slice().iter().fold(0.0_f64, |max, change| max.max(*change));
+                let largest = changes.as_slice().iter().fold(F64x4::ZERO, |max, change| max.max(*change));
+                let largest = largest.magnitude();
                 let sizes = y.iter().zip(step.from.slope.as_slice());
                 let size = sizes.fold(0.0_f64, |max, (y, slope)| max.max(y.abs() + (step.h * slope).abs()));
                 if largest <= ROUND_OFF * f64::EPSILON * size {
@@ -369,7 +348,7 @@ where
         let (y, lacks) = (step.from.state.as_slice(), step.from.residue.as_slice());
         let ends = step.to.state.as_mut_slice().iter_mut().zip(step.to.residue.as_mut_slice());
         for (c, (state, residue)) in ends.enumerate() {
-            let x = lanes(increments, c);
+            let x = stages(slices(increments), c);
             // Pairs that change places when time is reversed, the lightest first.
             let pairs = [x[0] + x[7], x[1] + x[6], x[2] + x[5], x[3] + x[4]];
             let increment = pairs.into_iter().fold(lacks[c], |sum, pair| sum + pair);
@@ -378,7 +357,7 @@ where
     }
 }
 
-impl<S: OverScalar<F64x4>> Method<f64, S> for Gauss16 {
+impl<S: OverScalar<F64x4>, W: StageLoops> Method<f64, S> for Gauss16With<W> {
     const TABLEAU: &'static Tableau = &TABLEAU;
 
     const DENSE_BY_STEPS: bool = true;
@@ -393,7 +372,8 @@ impl<S: OverScalar<F64x4>> Method<f64, S> for Gauss16 {
             inside: pair(),
             points: pair(),
             slope: S::state_over(y0, |_| F64x4::ZERO),
-            changes: core::array::from_fn(|_| y0.zeros_like()),
+            changes: S::state_over(y0, |_| F64x4::ZERO),
+            least: y0.zeros_like(),
             fit: Fit::NONE,
         }
     }
@@ -410,17 +390,43 @@ impl<S: OverScalar<F64x4>> Method<f64, S> for Gauss16 {
 
     #[inline]
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, f64, S>) -> Result<(), Error> {
-        storage.predict(step);
-        storage.iterate(step)?;
+        storage.predict(step, self.0);
+        storage.iterate(step, self.0)?;
         storage.finish(step);
         Ok(())
     }
 }
 
+impl<S: OverScalar<F64x4>> Method<f64, S> for Gauss16 {
+    const TABLEAU: &'static Tableau = &TABLEAU;
+
+    const DENSE_BY_STEPS: bool = true;
+
+    type Storage = <Gauss16With<OwnLoops> as Method<f64, S>>::Storage;
+
+    fn storage(&self, system: &S, t0: f64, y0: &S::State, options: &Options<f64>) -> Self::Storage {
+        Gauss16With(OwnLoops).storage(system, t0, y0, options)
+    }
+
+    #[inline]
+    fn stages(storage: &Self::Storage) -> &[S::State] {
+        <Gauss16With<OwnLoops> as Method<f64, S>>::stages(storage)
+    }
+
+    #[inline]
+    fn stages_mut(storage: &mut Self::Storage) -> &mut [S::State] {
+        <Gauss16With<OwnLoops> as Method<f64, S>>::stages_mut(storage)
+    }
+
+    #[inline]
+    fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, f64, S>) -> Result<(), Error> {
+        Gauss16With(OwnLoops).advance(storage, step)
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{Fit, MU, NODES, Place, STAGES, WEIGHTS, lanes, weights};
-    use crate::lanes::F64x4;
+    use super::{Fit, MU, NODES, OwnLoops, Place, STAGES, StageLoops, WEIGHTS, halves, stages, weights};
     use crate::{DoubleDouble, Real};
 
     fn exact(x: f64) -> DoubleDouble {
@@ -482,13 +488,16 @@ mod tests {
             let slope = |t: f64| 1.0 + t * (2.0 - t.powi(8));
             let begin = if is_inside { 0.0 } else { last_h };
             let (old, new) = (weights(last_h), weights(h));
-            let known: [f64; STAGES] = core::array::from_fn(|j| old[j] * slope(last_h * NODES[j]));
-            let found: [[F64x4; 1]; 2] = core::array::from_fn(|half| {
-                let [first, last] = fit.ends[half];
-                let ends = first * F64x4::splat(slope(0.0)) + last * F64x4::splat(slope(last_h));
-                [super::sum(ends, &fit.stages[half], &known)]
-            });
-            for (i, found) in lanes(&found, 0).into_iter().enumerate() {
+            let [mut low, mut high] =
+                halves(core::array::from_fn(|j| old[j] * slope(last_h * NODES[j]))).map(|half| [half]);
+            let slopes = [[slope(0.0)], [slope(last_h)]];
+            OwnLoops.extrapolate(
+                &fit.stages,
+                &fit.ends,
+                slopes.each_ref().map(|x| &x[..]),
+                [&mut low, &mut high],
+            );
+            for (i, found) in stages([&low, &high], 0).into_iter().enumerate() {
                 let due = new[i] * slope(begin + h * NODES[i]);
                 assert!((found - due).abs() < 1e-8 * due.abs(), "{h} {is_inside} {i}: {found} and {due}");
             }

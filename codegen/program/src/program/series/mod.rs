@@ -46,6 +46,8 @@
 mod evaluate;
 mod rules;
 
+pub use evaluate::SeriesRoom;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use rustc_hash::FxHashMap;
