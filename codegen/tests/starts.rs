@@ -2,7 +2,7 @@
 //!
 //! Deliberately does not know: how equations are derived, commands.
 
-use hamel_codegen::scene;
+use hamel_codegen::scene::{self, Made, build_tampered};
 use hamel_codegen::spec;
 
 fn model(text: &str) -> spec::Model {
@@ -158,4 +158,54 @@ fn modules_of_rust_say_where_a_scene_begins() {
     let text = built.emit_from(&scene::Writing::default(), start).unwrap();
     assert!(text.contains("pub const INITIAL: [f64; 4] = ["), "{text}");
     assert!(!built.emit().unwrap().contains("INITIAL"));
+}
+
+/// An attitude in space, and one in the frame of a body that turns: its form is kept in its group alone.
+const HELD: [&str; 2] = [
+    "model held {
+        configuration Q in SO(3) velocity omega;
+        constraint held: dot(Q*[0, 0.6, 0.8], [0, 0, 1]) = 0.4;
+        lagrangian = dot(omega, omega)/2 - Q33;
+        scene closed { want rhs, positions; }
+    }",
+    "model held {
+        velocity Omega in so(3);
+        configuration Q in SO(3) velocity omega relative Omega;
+        constraint held: dot(Q*[0.6, 0.8, 0], [0, 0, 1]) = 0.3;
+        lagrangian = Omega1^2 + Omega2^2/2 + Omega3^2/3 + dot(omega, omega)/2;
+        initial Omega = [0.3, 0.1, 0.2];
+        scene closed { want rhs, positions; }
+    }",
+];
+
+#[test]
+fn attitudes_that_equations_move_stay_rotations() {
+    for text in HELD {
+        let found = started(text, "closed");
+        let q = |i: usize, j: usize| value(&found, &format!("Q{i}{j}"));
+        for (i, j) in [(1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)] {
+            let product: f64 = (1..=3).map(|n| q(i, n) * q(j, n)).sum();
+            assert!((product - f64::from(u8::from(i == j))).abs() < 1e-12, "rows {i}, {j}: {product}");
+        }
+        assert!(q(3, 2).abs() > 0.1, "{found:?}");
+    }
+}
+
+/// Another function in the place of an entry of `Q Q^T` is found, in space and in a frame.
+#[test]
+fn functions_that_do_not_keep_a_group_are_found() {
+    for text in HELD {
+        let model = model(text);
+        let fault = |made: Made<'_>| {
+            if let Made::System(system) = made {
+                let q11 = system.graph.sym(model.configurations[0].symbols[0]);
+                for (_, e) in system.group_equations.iter_mut().filter(|(name, _)| name == "Q_form_1_2") {
+                    *e = system.graph.add(*e, q11);
+                }
+            }
+        };
+        assert!(build_tampered(&model, "closed", &|_| {}).is_ok());
+        let told = build_tampered(&model, "closed", &fault).expect_err("found").to_string();
+        assert!(told.contains("Q_form_1_2"), "{told}");
+    }
 }

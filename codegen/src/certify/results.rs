@@ -5,7 +5,7 @@
 use hamel_runtime::{Dual, Real};
 
 use hamel_expr::{ExprId, SymbolId};
-use hamel_lang::spec::{ReconstructionKind, Want};
+use hamel_lang::spec::{Configuration, ReconstructionKind, Want};
 use hamel_mechanics::mechanics::{Output, OutputKind};
 use hamel_program::program::Role;
 
@@ -390,12 +390,46 @@ impl Results<'_, '_> {
         let positions = self.setting.positions.eval(&place.env)?.roots;
         let along = self.call_along(&role).unwrap_or_default();
         for (k, (name, _)) in output.components.iter().enumerate() {
-            match k < self.setting.claim.n_positions {
-                true => nearest(&output.name, name, found[k], &positions, sheet)?,
-                false => self.is_conserved(&output.name, name, along[k], sheet),
+            if k < self.setting.claim.n_positions {
+                nearest(&output.name, name, found[k], &positions, sheet)?;
+                continue;
+            }
+            match self.relative_to_a_frame(name) {
+                Some(configuration) => self.is_of_group(output, (k, name), configuration, sheet, random),
+                None => self.is_conserved(&output.name, name, along[k], sheet),
             }
         }
         Ok(())
+    }
+
+    /// The configuration that a function keeps in its group, where that is told in a frame that moves: the motion keeps
+    /// the function where the matrix is in the group alone.
+    fn relative_to_a_frame(&self, function: &str) -> Option<&Configuration> {
+        let all = self.setting.definition.model.configurations.iter();
+        let of = |c: &&Configuration| function.starts_with(&format!("{}_form_", c.name));
+        all.filter(|c| !c.relative.is_empty()).find(of)
+    }
+
+    /// A function has one value on the group.
+    fn is_of_group(
+        &self,
+        output: &Output,
+        (k, name): (usize, &str),
+        configuration: &Configuration,
+        sheet: &mut Sheet,
+        random: &mut Random,
+    ) {
+        let role = Role::Output(output.name.clone());
+        let Some(function) = self.setting.claim.program.function_idx(&role) else { return };
+        let mut at = || {
+            let mut point = self.point.clone();
+            let element = super::group::random_element(&configuration.group, random);
+            point.env.set_all(&configuration.symbols, &element);
+            let state = point.state(self.setting);
+            self.setting.runner.call(function, &point.at(&state), &[])[k]
+        };
+        let (one, other) = (at(), at());
+        sheet.equal(&output.name, format!("{name} on the group"), one, other);
     }
 
     /// Geometric and dynamic phases add up to the rate of their coordinate.
