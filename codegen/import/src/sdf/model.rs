@@ -222,7 +222,7 @@ impl<'a> Builder<'a, '_> {
     /// `behind` is the frame that the joints move: that of the child, or that of the joint itself, to which the child
     /// is fixed.
     fn join(&mut self, ends: &Ends<'a>, behind: &str, (parent, child): (usize, usize), own: Vec<Joint>) {
-        let Some(mut steps) = self.from_parent(ends, parent, behind) else { return };
+        let Some(mut steps) = self.steps_to(ends, parent, behind) else { return };
         if let Some(last) = steps.last_mut() {
             let end = &self.offsets[child];
             let target = if last.turn.is_none() { &mut last.place } else { &mut last.anchor };
@@ -255,8 +255,8 @@ impl<'a> Builder<'a, '_> {
         }
     }
 
-    /// The steps from the link of a parent to a frame.
-    fn from_parent(&self, ends: &Ends<'a>, parent: usize, to: &str) -> Option<Vec<Pose>> {
+    /// The steps to a frame from the link of the parent.
+    fn steps_to(&self, ends: &Ends<'a>, parent: usize, to: &str) -> Option<Vec<Pose>> {
         let from = if ends.parent == "world" { MODEL } else { ends.parent };
         let mut steps = self.frames.between(self.reader, from, to)?;
         let start = &self.offsets[parent];
@@ -291,7 +291,7 @@ impl<'a> Builder<'a, '_> {
             ends.name
         );
         reader.note(&place(ends.element, "name"), message);
-        let Some(mut steps) = self.from_parent(ends, parent, ends.name) else { return };
+        let Some(mut steps) = self.steps_to(ends, parent, ends.name) else { return };
         let Some(pose) = steps.pop() else { return };
         let at = self.fix(ends, parent, steps.into_iter(), None);
         self.loops.push(Loop {
