@@ -1,5 +1,5 @@
 //! Imported robots against rates by Pinocchio and MuJoCo, which share nothing with hamel (`robots/reference.py`,
-//! `robots/reference_mujoco.py`), and messages about files that are wrong.
+//! `robots/reference_mujoco.py`, `robots/reference_loops.py`), and messages about files that are wrong.
 
 use std::io;
 

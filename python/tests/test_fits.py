@@ -274,6 +274,7 @@ def test_progress_is_told_and_what_it_raises_is_raised(oscillator):
         oscillator.fit(noisy(), "k", y0=START, progress=stop)
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_ends_a_fit(oscillator):
     t = np.array([0.0, 1e9, 1.1e9])
     threading.Timer(0.5, signal.raise_signal, [signal.SIGINT]).start()

@@ -84,6 +84,7 @@ def test_workers_of_dask_make_the_store_of_one_process(top, whole, tmp_path):
     assert files(out) == whole
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_ends_a_motion(top):
     main = threading.main_thread().ident
     timer = threading.Timer(0.5, lambda: signal.pthread_kill(main, signal.SIGINT))
@@ -94,6 +95,7 @@ def test_an_interrupt_ends_a_motion(top):
     assert time.monotonic() - begun < 60.0
 
 
+@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("name", [None, "tops.csv", "tops.zarr"])
 def test_an_interrupt_calls_an_ensemble_off(top, tmp_path, name):
     main = threading.main_thread().ident
