@@ -52,7 +52,7 @@ impl Purpose {
 /// The fastest method at a relative tolerance, whoever evaluates the scene.
 ///
 /// Taylor series are for whom asks for them: scenes with loops over tables have them interpreted, and two of the others
-/// have been measured, where they take 1.1 times as long as `vern9` (`heavy_top`) and 0.7 times (`euler_disk`;
+/// have been measured, where they take 1.2 times as long as `vern9` (`heavy_top`) and 0.7 times (`euler_disk`;
 /// `hamel simulate heavy_top --t-final 2000 --samples 100 --method taylor`).
 pub fn choose(rtol: f64, rhs_cost: u64, purpose: Purpose) -> MethodName {
     let is_extrapolated = match purpose {
