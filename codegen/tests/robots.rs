@@ -108,7 +108,18 @@ fn floating() -> Options {
 /// Loops by points, sites and frames, in planes and in space, on the ground and on a body that moves freely.
 #[test]
 fn rates_of_loops_are_those_of_mujocos_matrices() {
-    for (robot, text) in [("linkage", LINKAGE), ("hopper", HOPPER), ("wrist", WRIST), ("gate", GATE)] {
+    let oblique = GATE.replace("\"__model__\">0 1 0<", "\"__model__\">0 1 0.5<");
+    let turned = |text: &str| text.replace("0.8 0.1 0.6 0 0 0<", "0.8 0.1 0.6 0.3 0 -0.4<");
+    assert!(oblique != GATE && turned(GATE) != GATE);
+    for (robot, text) in [
+        ("linkage", LINKAGE),
+        ("hopper", HOPPER),
+        ("wrist", WRIST),
+        ("gate", GATE),
+        ("gate", &turned(GATE)),
+        ("latch", &oblique),
+        ("latch", &turned(&oblique)),
+    ] {
         let found = difference(text, &without_limits(), REFERENCE_LOOPS, robot);
         // States of the reference keep the equations to 1e-13, its differences have eleven digits.
         assert!(found < 1e-9, "{robot}: {found:e}");

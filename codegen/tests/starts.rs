@@ -191,6 +191,29 @@ fn attitudes_that_equations_move_stay_rotations() {
     }
 }
 
+/// Groups with other forms, with a determinant alone, and with vectors.
+#[test]
+fn matrices_of_all_groups_stay_in_them() {
+    for (configuration, held) in [
+        ("g in SU(2) velocity w", "g_re12 = 0.3"),
+        ("g in U(2) velocity w", "g_re12 = 0.3"),
+        ("g in SO(4) velocity w", "g12 = 0.3"),
+        ("g in SL(2) velocity w", "g12 + g21^2 = 0.3"),
+        ("g in Sp(4) velocity w", "g12 + g34 = 0.3"),
+        ("g, b in SE(3) velocity w, v", "g12 + b1 = 0.3"),
+    ] {
+        let has_vectors = configuration.ends_with(", v");
+        let lagrangian = if has_vectors { "dot(w, w) + dot(v, v)" } else { "dot(w, w)" };
+        let text = format!(
+            "model held {{ configuration {configuration}; constraint held: {held}; lagrangian = {lagrangian};
+                 scene closed {{ want rhs, positions; }} }}"
+        );
+        // The certificate counts the directions that the functions leave.
+        let built = scene::build(&model(&text), "closed").unwrap_or_else(|p| panic!("{configuration}: {p}"));
+        assert!(built.certificate().open.is_empty(), "{configuration}: {:?}", built.certificate());
+    }
+}
+
 /// Another function in the place of an entry of `Q Q^T` is found, in space and in a frame.
 #[test]
 fn functions_that_do_not_keep_a_group_are_found() {
@@ -204,6 +227,13 @@ fn functions_that_do_not_keep_a_group_are_found() {
                 }
             }
         };
+        let left_out = |made: Made<'_>| {
+            if let Made::System(system) = made {
+                system.group_equations.retain(|(name, _)| name != "Q_form_1_1");
+            }
+        };
+        let told = build_tampered(&model, "closed", &left_out).expect_err("found").to_string();
+        assert!(told.contains("the dimension of what stays in the group of Q"), "{told}");
         assert!(build_tampered(&model, "closed", &|_| {}).is_ok());
         let told = build_tampered(&model, "closed", &fault).expect_err("found").to_string();
         assert!(told.contains("Q_form_1_2"), "{told}");

@@ -1,10 +1,11 @@
 //! Loops: what two links have in common beside the tree, as equations between coordinates.
 //!
 //! Both ways lead from the last link that they share. A point of the first link has the place `x = p + Q (s + R y)` in
-//! the frame of the link before, and so on: two such sums are equal, which no joint behind the shared link enters. Of
-//! two frames the rotation `A^T B` from one to the other is the identity: its antisymmetric part vanishes, three
-//! equations that are independent there. Where everything turns about one axis of coordinates, equations along it are
-//! left out, as they always hold.
+//! the frame of the link before, and so on: two such sums are equal, which no joint before the shared link enters. Of
+//! two frames the rotation `T = A^T B` from one to the other is the identity: its antisymmetric part vanishes, three
+//! equations that are independent there. It leaves an axis `a` where that is if `a x T a = 0`: two components of these,
+//! as the one of the largest component of `a` follows. Where everything turns about one axis of coordinates, equations
+//! along it are left out, as they always hold.
 //!
 //! Deliberately does not know: XML, energies.
 
@@ -16,7 +17,7 @@ use crate::robot::{End, Held, JointKind, Loop, Pose, Robot};
 use crate::rotation::{Axis, Rotation, Turn};
 
 /// Everything that is named after a loop, beside the parameters of its places.
-pub(crate) const OF_LOOP: [&str; 6] = ["*", "one_*", "other_*", "held_*", "turn_*", "attitude_*"];
+pub(crate) const OF_LOOP: [&str; 7] = ["*", "one_*", "other_*", "held_*", "turn_*", "across_*", "attitude_*"];
 
 /// The joints from the shared link to one end.
 #[derive(Clone, Debug)]
@@ -50,8 +51,10 @@ impl Loops<'_> {
             Way { joints: a[n_shared..].to_vec(), link: one },
             Way { joints: b[n_shared..].to_vec(), link: other },
         ];
-        let Some(reason) = self.refusal(&ways) else { return Some(ways) };
-        let help = "write a `constraint` between their velocities into the model";
+        let (reason, help) = match self.refusal(&ways) {
+            None => return Some(ways),
+            Some(refusal) => refusal,
+        };
         let message = format!("the equation `{}` {reason}: it is not taken", closed.name);
         problems.note_with_help(&closed.span, message, help);
         None
@@ -124,25 +127,26 @@ impl Loops<'_> {
         if is_kept || !ways.iter().any(turns) {
             return String::new();
         }
-        let one: Vec<String> =
-            self.turns(&ways[0].joints, true).into_iter().chain(closed.first.1.turn.text()).collect();
-        let other: Vec<String> =
-            self.turns(&ways[1].joints, true).into_iter().chain(second.iter().cloned()).collect();
+        // An axis is told in the frame in which it was written.
+        let frame = match &closed.held {
+            Held::Axis(axis) => axis.frame().cloned(),
+            Held::Point | Held::Frame => None,
+        };
+        let mut one = self.turns(&ways[0].joints, true);
+        one.extend(closed.first.1.turn.text().into_iter().chain(frame.clone()));
+        let mut other = self.turns(&ways[1].joints, true);
+        other.extend(second.iter().cloned().chain(frame));
         let back = (!one.is_empty()).then(|| format!("transpose({})", one.join("*")));
         let factors: Vec<String> = back.into_iter().chain(other).collect();
         let mut out = format!("let turn_{name} = {};\n", factors.join("*"));
         let others = |k: usize| [(k + 1) % 3 + 1, (k + 2) % 3 + 1];
         let entry = |i: usize, j: usize| format!("turn_{name}[{i}, {j}]");
         let entries: Vec<String> = match (&closed.held, plane) {
-            (Held::Axis(axis), _) => match along(axis) {
-                Some(k) => others(k).map(|i| entry(i, k + 1)).to_vec(),
-                None => {
-                    let axis = &axis.vector;
-                    _ = writeln!(
-                        out,
-                        "constraint attitude_{name}:\n    cross({axis}, turn_{name}*{axis}) = {ZERO};"
-                    );
-                    return out;
+            (Held::Axis(axis), _) => match axis.oblique() {
+                None => others(axis.largest).map(|i| entry(i, axis.largest + 1)).to_vec(),
+                Some(vector) => {
+                    _ = writeln!(out, "let across_{name} = cross({vector}, turn_{name}*{vector});");
+                    others(axis.largest).map(|i| format!("across_{name}[{i}]")).to_vec()
                 }
             },
             (_, Some(k)) => {
@@ -177,12 +181,15 @@ impl Loops<'_> {
         chain
     }
 
-    fn refusal(&self, ways: &[Way; 2]) -> Option<&'static str> {
+    /// Why a loop is not taken, and the fix.
+    fn refusal(&self, ways: &[Way; 2]) -> Option<(&'static str, &'static str)> {
         let kinds = || ways.iter().flat_map(|way| &way.joints).map(|k| &self.robot.joints[*k].kind);
         if kinds().any(|kind| matches!(kind, JointKind::Floating)) {
-            return Some("joins bodies that move freely of each other");
+            let help = "write a `constraint` between their velocities into the model";
+            return Some(("joins bodies that move freely of each other", help));
         }
-        kinds().all(|kind| matches!(kind, JointKind::Fixed)).then_some("joins one body with itself")
+        let is_rigid = kinds().all(|kind| matches!(kind, JointKind::Fixed));
+        is_rigid.then_some(("joins one body with itself", "leave it out of the file, or name another body"))
     }
 
     /// The place and the rotation of a joint's link by its coordinates.

@@ -217,6 +217,8 @@ pub(crate) struct Axis {
     pub(crate) along: Option<(usize, bool)>,
     /// The rotation `R` with `vector = R of_rotation`.
     turned: Option<String>,
+    /// Its largest component before that rotation.
+    pub(crate) largest: usize,
 }
 
 impl Axis {
@@ -240,13 +242,28 @@ impl Axis {
                     of_rotation: (format!("e{}", k + 1), is_against),
                     along: Some((k, is_against)),
                     turned: None,
+                    largest: k,
                 })
             }
             _ => {
+                let size = |k: &usize| entries[*k].value.abs();
+                let largest = others.into_iter().max_by(|a, b| size(a).total_cmp(&size(b)))?;
                 let vector = format!("unit({})", vector(entries));
-                Some(Axis { vector: vector.clone(), of_rotation: (vector, false), along: None, turned: None })
+                let of_rotation = (vector.clone(), false);
+                Some(Axis { vector, of_rotation, along: None, turned: None, largest })
             }
         }
+    }
+
+    /// The rotation from the frame in which it was written, where there is one.
+    pub(crate) fn frame(&self) -> Option<&String> {
+        self.turned.as_ref()
+    }
+
+    /// Its vector there, where that is along no coordinate axis.
+    pub(crate) fn oblique(&self) -> Option<&String> {
+        let (vector, _) = &self.of_rotation;
+        vector.starts_with("unit").then_some(vector)
     }
 
     /// The rotation by an angle, an expression of one word.

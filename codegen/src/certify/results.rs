@@ -2,6 +2,8 @@
 //!
 //! Does not know: rates, derivatives by the state.
 
+use std::collections::BTreeSet;
+
 use hamel_runtime::{Dual, Real};
 
 use hamel_expr::{ExprId, SymbolId};
@@ -399,7 +401,46 @@ impl Results<'_, '_> {
                 None => self.is_conserved(&output.name, name, along[k], sheet),
             }
         }
+        self.keep_groups(output, sheet, random);
         Ok(())
+    }
+
+    /// The functions beside the equations keep each matrix that these contain in its group: at an element of it their
+    /// slopes leave a space of directions of the dimension of the group.
+    fn keep_groups(&self, output: &Output, sheet: &mut Sheet, random: &mut Random) {
+        let model = self.setting.definition.model;
+        let role = Role::Output(output.name.clone());
+        let Some(function) = self.setting.claim.program.function_idx(&role) else { return };
+        for configuration in &model.configurations {
+            let symbols = &configuration.symbols;
+            let own: BTreeSet<SymbolId> = symbols.iter().copied().collect();
+            let mut positions = model.constraints.iter().filter_map(|c| c.position);
+            if !positions.any(|p| model.graph.depends_on(p.residual, &own)) {
+                continue;
+            }
+            let mut point = self.point.clone();
+            point.env.set_all(symbols, &super::group::random_element(&configuration.group, random));
+            let (params, slots) = (constants(&point.params), constants(&point.slots));
+            let inputs = constants(&point.inputs);
+            let slopes = |symbol: &SymbolId| -> Vec<Wide> {
+                let seeded = self.setting.seeded(&point.env, &[(*symbol, Wide::ONE)]);
+                let state: Vec<Dual<Wide>> =
+                    self.setting.state.iter().map(|s| seeded.get(*s).unwrap_or_default()).collect();
+                let t = Dual::constant(point.t);
+                let at = At { params: &params, slots: &slots, inputs: &inputs, t, state: &state };
+                let found = self.setting.runner.call(function, &at, &[]);
+                let kept = found.iter().skip(self.setting.claim.n_positions);
+                kept.map(|value| value.derivative).chain([Wide::ZERO]).collect()
+            };
+            let rows: Vec<Vec<Wide>> = symbols.iter().map(slopes).collect();
+            let n = rows.first().map_or(0, |row| row.len() - 1);
+            let free = symbols.len() - Reduced::new(rows, n).rank();
+            let of_spaces = configuration.group.spaces().into_iter().map(|(_, dim)| dim);
+            let dimension = configuration.group.matrices().len() + of_spaces.sum::<usize>();
+            let [free, dimension] = [free, dimension].map(|n| Wide::exact(n as f64));
+            let what = format!("the dimension of what stays in the group of {}", configuration.name);
+            sheet.equal(&output.name, what, free, dimension);
+        }
     }
 
     /// The configuration that a function keeps in its group, where that is told in a frame that moves: the motion keeps
