@@ -489,6 +489,51 @@ fn an_impact_is_part_of_an_orbit() {
     assert!(matches!(gait.stability.verdict, Verdict::Asymptotic { .. }));
 }
 
+/// Two steps of the compass gait, with modes and impacts, up to the way down the slope that they take.
+#[test]
+fn a_gait_of_modes_is_an_orbit() {
+    let text = include_str!("../../docs/book/compass.hamel");
+    let gait = one(text, "default", &around(1.47, Asked::default()));
+    // By the two equations of a swing and impulses about the new foot, integrated apart; multipliers by differences.
+    assert!((gait.period.unwrap() - 2.0 * 0.734_346_391_159).abs() < 1e-9, "{gait:?}");
+    let wanted = [[-0.256_563_7, 0.217_492_2], [-0.256_563_7, -0.217_492_2], [0.017_311_35, 0.0]];
+    assert_eq!(gait.stability.multipliers.len(), wanted.len(), "{:?}", gait.stability);
+    for (found, wanted) in gait.stability.multipliers.iter().zip(wanted) {
+        assert!((found[0] - wanted[0]).hypot(found[1] - wanted[1]) < 1e-6, "{:?}", gait.stability);
+    }
+    assert!(matches!(gait.stability.verdict, Verdict::Asymptotic { .. }));
+    // Along the slope, by two lengths of a step.
+    let drift = gait.drifts.iter().map(|drift| drift * gait.period.unwrap()).fold(0.0, f64::max);
+    assert!((drift - 4.0 * 0.271_028_68_f64.sin()).abs() < 1e-6, "{gait:?}");
+}
+
+/// Rössler's system: its cycle doubles its period.
+#[test]
+fn a_family_of_orbits_doubles_its_period() {
+    let text = "model roessler { param a = 0.2; param b = 0.2; param c = 2.5;
+        coordinate x, v, z in real;
+        field x_dot = -v - z; field v_dot = x + a*v; field z_dot = b + z*(x - c);
+        initial x = 4.4; initial v = -2.36; initial z = 0.42; }";
+    let along = Some(Along { name: "c".into(), from: 2.5, to: 3.0, n_points: 6 });
+    let family = find(&model(text), "default", &around(5.75, Asked { along, ..Asked::default() })).unwrap();
+    assert_eq!(family.end, Some(End::Reached));
+    let [(_, change, at)] = &family.changes[..] else { panic!("{:?}", family.changes) };
+    // By shooting with a variational equation of its own.
+    assert_eq!(*change, Change::Doubling);
+    assert!((at.along.unwrap() - 2.832_445_028).abs() < 1e-6, "{at:?}");
+    assert!((at.period.unwrap() - 5.769_820_02).abs() < 1e-6, "{at:?}");
+    let first = &family.equilibria[0];
+    assert!((first.period.unwrap() - 5.748_991_183_28).abs() < 1e-9, "{first:?}");
+    // The last member is the orbit of its parameter.
+    let last = family.equilibria.last().unwrap();
+    let guess: Vec<(&str, f64)> = ["x", "v", "z"].into_iter().zip(last.state.iter().copied()).collect();
+    let own = one(&text.replace("c = 2.5", "c = 3"), "default", &around(5.8, self::at(&guess)));
+    assert!((own.period.unwrap() - last.period.unwrap()).abs() < 1e-9, "{own:?} {last:?}");
+    let (names, rows) = family.table("c");
+    assert_eq!(names, ["c", "x", "v", "z", "period", "largest_real_part"]);
+    assert!(rows.iter().all(|row| row.len() == names.len()));
+}
+
 #[test]
 fn fields_have_no_momenta_in_space() {
     // Fields for the group and accelerations: nothing has a momentum, and nothing is looked for.

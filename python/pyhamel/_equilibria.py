@@ -67,7 +67,7 @@ class Change(NamedTuple):
 
 
 class Family(Sequence[Equilibrium]):
-    """Equilibria along a parameter, an input, a component of the state, an invariant or an output."""
+    """Equilibria or orbits along a parameter, an input, a component of the state, an invariant or an output."""
 
     def __init__(self, equilibria: Sequence[Equilibrium], changes: Sequence[Change], end: str):
         self._equilibria = list(equilibria)
@@ -93,7 +93,8 @@ class Family(Sequence[Equilibrium]):
 
     def __repr__(self) -> str:
         changes = ", ".join(f"{change.kind} at {change.at.along:.6g}" for change in self.changes)
-        return f"<pyhamel.Family of {len(self)} equilibria{': ' if changes else ''}{changes}>"
+        kind = "equilibria" if not self._equilibria or self._equilibria[0].period is None else "orbits"
+        return f"<pyhamel.Family of {len(self)} {kind}{': ' if changes else ''}{changes}>"
 
 
 def equilibrium(model: Model, answer: str) -> Equilibrium:

@@ -987,15 +987,19 @@ class Model:
         free: Sequence[str] = (),
         at_rest: bool = False,
         t: float | None = None,
+        period: float | None = None,
     ) -> Family:
         """Relative equilibria along ``name``, a parameter, input, component, invariant or output, by pseudo-arclength.
 
-        Folds, and the places where stability changes, are in :attr:`Family.changes`. The rest is as in :meth:`trim`.
+        With ``period``, relative periodic orbits that begin with one of about this period, as in :meth:`orbit`. Folds,
+        and the places where stability changes, are in :attr:`Family.changes`. The rest is as in :meth:`trim`.
         """
+        if period is not None and (not period > 0 or free or t is not None):
+            raise InputError(f"a family of orbits of period {period}: give a time above zero, and neither free nor t")
         if points < 2 or not np.isfinite([start, stop]).all() or start == stop:
             raise InputError(f"a family of {points} points from {start} to {stop}: give two values and at least 2 points")
         along = (name, float(start), float(stop), points)
-        answer = self._native.trim(self._by_name(guess), _kept_values(keep), list(free), at_rest, (t, None), along)
+        answer = self._native.trim(self._by_name(guess), _kept_values(keep), list(free), at_rest, (t, period), along)
         return _equilibria.family(self, answer)
 
     def latex(self) -> str:

@@ -48,6 +48,22 @@ def test_what_is_wrong_is_said_in_words_of_python():
         top().trim(SLEEPING, keep="Omega1")
 
 
+def test_a_family_of_orbits_doubles_its_period():
+    text = """model roessler { param a = 0.2; param b = 0.2; param c = 2.5;
+        coordinate x, v, z in real;
+        field x_dot = -v - z; field v_dot = x + a*v; field z_dot = b + z*(x - c);
+        initial x = 4.4; initial v = -2.36; initial z = 0.42; }"""
+    model = pyhamel.load(text)
+    family = model.family("c", 2.5, 3.0, period=5.75, points=6)
+    assert [change.kind for change in family.changes] == ["doubling"]
+    assert family.changes[0].at.along == pytest.approx(2.832445, abs=1e-6)
+    assert family[0].period == pytest.approx(5.748991, abs=1e-6) and "orbits" in repr(family)
+    with pytest.raises(ValueError, match="above zero"):
+        model.family("c", 2.5, 3.0, period=0.0)
+    with pytest.raises(ValueError, match="neither free"):
+        model.family("c", 2.5, 3.0, period=5.75, free=["a"])
+
+
 def test_an_orbit_closes():
     pendulum = pyhamel.load("model p { coordinate q in angle; lagrangian = q_dot^2/2 + cos(q); initial q = 1; initial q_dot = 0; }")
     orbit = pendulum.orbit(6.3, keep=["energy"])

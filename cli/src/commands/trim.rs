@@ -66,7 +66,7 @@ pub struct Arguments {
         value_name = "T",
         allow_negative_numbers = true,
         value_parser = duration,
-        conflicts_with_all = ["along", "free", "t"],
+        conflicts_with_all = ["free", "t"],
     )]
     pub period: Option<f64>,
     /// A family: a parameter, an input, a component, an invariant or an output, from one value to another
@@ -282,16 +282,18 @@ fn family(answer: &Answer, name: &str) -> String {
     };
     let _ = writeln!(
         text,
-        "{}, scene {}: {} equilibria along {name}, {ended}",
+        "{}, scene {}: {} {} along {name}, {ended}",
         answer.info.model,
         answer.info.scene,
-        answer.equilibria.len()
+        answer.equilibria.len(),
+        if first.period.is_some() { "orbits" } else { "equilibria" }
     );
     let mut point = |what: &str, at: &Equilibrium| {
         let value = shown(at.along.unwrap_or(f64::NAN));
         let state = answer.info.state.iter().zip(rounded(&at.state));
         let state = state.map(|(name, x)| format!("{name}={}", shown(x)));
-        let state: Vec<String> = state.collect();
+        let period = at.period.map(|period| format!("period={}", shown(period)));
+        let state: Vec<String> = period.into_iter().chain(state).collect();
         let _ = writeln!(text, "  {name} = {value:<12} {what:<22} {}", state.join(" "));
     };
     point(first.stability.verdict.name(), first);

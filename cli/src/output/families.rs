@@ -86,8 +86,10 @@ fn figure(title: &str, answer: &Answer, name: &str) -> Figure {
     let marked = |(_, _, at): &(usize, _, hamel_run::equilibria::Equilibrium)| {
         Some([at.along?, at.stability.eigenvalues.first()?[0]])
     };
+    let is_orbit = answer.equilibria.first().is_some_and(|first| first.period.is_some());
+    let growing = if is_orbit { "an exponent of Floquet" } else { "an eigenvalue" };
     panels.push(Panel {
-        title: "largest real part of an eigenvalue [1/s]".into(),
+        title: format!("largest real part of {growing} [1/s]"),
         lines: vec![("growth".to_owned(), column(last))],
         points: vec![answer.changes.iter().filter_map(marked).collect()],
         ..Panel::default()

@@ -76,7 +76,8 @@ impl Answer {
         one.into()
     }
 
-    /// A family as a table: names of the columns, and a row for each equilibrium. `name` is what it goes along.
+    /// A family as a table: names of the columns, and a row for each equilibrium or orbit. `name` is what it goes
+    /// along.
     pub fn table(&self, name: &str) -> (Vec<String>, Vec<Vec<f64>>) {
         let drifts = (1..=self.symmetries.len()).map(|k| format!("drift_{k}"));
         let own = |state: &&String| *state != name;
@@ -87,13 +88,21 @@ impl Answer {
             None => Vec::new(),
         };
         names.extend(drifts);
+        let has_period = self.equilibria.first().is_some_and(|first| first.period.is_some());
+        names.extend(has_period.then(|| "period".to_owned()));
         names.push("largest_real_part".to_owned());
         let row = |of: &Equilibrium| {
             let state =
                 self.info.state.iter().zip(&of.state).filter(|(state, _)| own(state)).map(|(_, x)| *x);
             let first = of.along.unwrap_or(f64::NAN);
             let growth = of.stability.eigenvalues.first().map_or(0.0, |z| z[0]);
-            [first].into_iter().chain(state).chain(of.drifts.iter().copied()).chain([growth]).collect()
+            [first]
+                .into_iter()
+                .chain(state)
+                .chain(of.drifts.iter().copied())
+                .chain(of.period)
+                .chain([growth])
+                .collect()
         };
         (names, self.equilibria.iter().map(row).collect())
     }

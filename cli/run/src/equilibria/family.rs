@@ -1,4 +1,4 @@
-//! Families of equilibria by a parameter, an input, or a quantity: pseudo-arclength continuation.
+//! Families of equilibria and orbits by a parameter, an input, or a quantity: pseudo-arclength continuation.
 //!
 //! Steps go along the curve of solutions, so that it may turn back. Where the tangent turns the sign of its parameter
 //! there is a fold; where the number of growing deviations changes, the place is found by bisection.
@@ -10,8 +10,8 @@
 
 use nalgebra::DVector;
 
-use super::search::{Equations, Missed, Solvable as _, Svd};
-use super::stability::{Setting, Stability};
+use super::search::{Missed, Solvable, Svd};
+use super::stability::Stability;
 
 /// The part of the way along which a step is taken at most, in units of the unknowns' own sizes.
 const MAX_TURN: f64 = 0.25;
@@ -19,8 +19,8 @@ const MAX_TURN: f64 = 0.25;
 const MIN_STEP: f64 = 1e-6;
 /// A curve has at most so many times the points that were asked for.
 const MAX_POINTS: usize = 20;
-/// Halvings that locate a change.
-const HALVINGS: usize = 45;
+/// Halvings that locate a change: as far as numbers go.
+pub(super) const HALVINGS: usize = 45;
 
 /// A solution on the curve.
 #[derive(Clone, Debug)]
@@ -37,10 +37,12 @@ pub(super) struct OnCurve {
 pub enum Change {
     /// The family turns back.
     Fold,
-    /// A real eigenvalue goes through zero.
+    /// A real eigenvalue goes through zero, a multiplier through one.
     Divergence,
-    /// A pair of eigenvalues crosses the imaginary axis, or leaves it.
+    /// A pair of eigenvalues crosses the imaginary axis, or leaves it; a pair of multipliers the unit circle.
     Flutter,
+    /// A multiplier goes through minus one: an orbit of twice the period begins.
+    Doubling,
 }
 
 impl Change {
@@ -50,6 +52,7 @@ impl Change {
             Change::Fold => "fold",
             Change::Divergence => "divergence",
             Change::Flutter => "flutter",
+            Change::Doubling => "doubling",
         }
     }
 }
@@ -89,11 +92,14 @@ pub(super) struct Curve {
 
 /// What a curve is followed with; the value of what it goes along is a part of the way, from 0 to 1.
 pub(super) struct Follower<'a> {
-    pub(super) equations: &'a Equations<'a>,
-    pub(super) setting: &'a Setting<'a>,
+    pub(super) equations: &'a dyn Solvable,
+    /// The stability of a solution.
+    pub(super) judge: &'a dyn Fn(&DVector<f64>) -> Option<Stability>,
     pub(super) first: f64,
     pub(super) last: f64,
     pub(super) n_points: usize,
+    /// Halvings that locate a change.
+    pub(super) n_halvings: usize,
 }
 
 impl Follower<'_> {
@@ -140,14 +146,12 @@ impl Follower<'_> {
         let k = x.len() - 1;
         let mut jacobian = self.equations.linear(&self.unscaled(x))?.jacobian;
         jacobian.column_mut(k).scale_mut(self.last - self.first);
-        let along = Svd::new(&jacobian)?.null_part(near);
+        let along = Svd::of_rank(&jacobian, self.equations.rank())?.null_part(near);
         (along.norm() > 1e-6).then(|| along.normalize())
     }
 
     fn on_curve(&self, x: DVector<f64>, near: &DVector<f64>) -> Option<OnCurve> {
-        let own = self.unscaled(&x);
-        let at = self.equations.point(&own);
-        let stability = self.setting.stability(&at, &self.equations.drifts(&own))?;
+        let stability = (self.judge)(&self.unscaled(&x))?;
         let tangent = self.tangent(&x, near)?;
         Some(OnCurve { x, stability, tangent })
     }
@@ -227,8 +231,11 @@ impl Follower<'_> {
         }
         if here.stability.n_growing() != next.stability.n_growing() {
             let at = self.crossing(here, next);
-            let is_real = at.stability.is_divergence(&here.stability);
-            let change = if is_real { Change::Divergence } else { Change::Flutter };
+            let change = match () {
+                () if at.stability.is_doubling() => Change::Doubling,
+                () if at.stability.is_divergence(&here.stability) => Change::Divergence,
+                () => Change::Flutter,
+            };
             curve.changes.push((behind, change, at));
         }
     }
@@ -261,7 +268,7 @@ impl Follower<'_> {
     fn located(&self, here: &OnCurve, next: &OnCurve, is_before: &dyn Fn(&OnCurve) -> bool) -> OnCurve {
         let whole = (&next.x - &here.x).dot(&here.tangent);
         let (mut below, mut above, mut found) = (0.0, whole, next.clone());
-        for _ in 0..HALVINGS {
+        for _ in 0..self.n_halvings {
             let middle = 0.5 * (below + above);
             let guess = &here.x + (&next.x - &here.x) * (middle / whole);
             let solved = self.corrected(&guess, &here.tangent).ok();

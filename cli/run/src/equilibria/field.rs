@@ -11,6 +11,8 @@ use nalgebra::DMatrix;
 use crate::dynamics::Factory as _;
 use crate::interpreted::Built;
 
+/// The part of an energy that rounding may change.
+const KEPT: f64 = 1e-9;
 /// The name of the energy among invariants.
 pub(super) const ENERGY: &str = "energy";
 /// The name of the energy in a frame that moves with an affine constraint.
@@ -68,6 +70,18 @@ impl Point {
             Variable::Param(k) => self.y.len() + self.inputs.len() + k,
         }
     }
+}
+
+/// What a component of the state is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    Coordinate,
+    /// A velocity or a momentum.
+    Velocity,
+    /// A component of a vector whose norm is kept: advected parameters, points of circles, quaternions.
+    Advected,
+    /// One while a mode is on, and zero otherwise.
+    Mode,
 }
 
 /// The functions of a field, one kind after the other.
@@ -192,6 +206,18 @@ impl<'a> Field<'a> {
     /// The events that act along its motions.
     pub(super) fn acting(&self) -> &[Acting] {
         &self.acting
+    }
+
+    /// Whether events that act at a state leave the energy as it is.
+    pub(super) fn energy_is_kept_by_events(&self, at: &Point, values: &Values<f64>) -> bool {
+        self.acting.iter().all(|event| {
+            let (places, first) = &event.sets;
+            let mut after = at.clone();
+            places.iter().enumerate().for_each(|(k, place)| after.y[*place] = values.events[first + k]);
+            let Some(after) = self.values(&after) else { return false };
+            let is_near = |(a, b): (&f64, &f64)| (a - b).abs() <= KEPT * (1.0 + a.abs());
+            values.energy.iter().zip(&after.energy).all(is_near)
+        })
     }
 
     /// Names of the invariants.

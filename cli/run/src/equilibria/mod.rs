@@ -8,6 +8,7 @@
 //! Does not know: arguments, how an answer is shown.
 
 mod answer;
+mod asked;
 mod family;
 mod field;
 mod orbit;
@@ -15,7 +16,6 @@ mod search;
 mod stability;
 mod symmetry;
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use hamel_codegen::scene::{Prior, Told};
@@ -35,13 +35,15 @@ use crate::model::Checked;
 use crate::noise::Noise;
 use crate::simulation::{MAX_EVENTS, SimulateRequest};
 use crate::start::Starts;
-use family::{Follower, OnCurve};
-use field::{ENERGY, Field, MOVING_ENERGY, Point, Values, Variable};
-use orbit::{Orbit, admissible, drifted};
+use asked::Names;
+use family::{Follower, HALVINGS, OnCurve};
+use field::{ENERGY, Field, MOVING_ENERGY, Part, Point, Values, Variable};
+use orbit::{Frame, Orbit, across, admissible, drifted};
 use search::{Equations, Missed, Quantity, Solvable as _};
 use stability::Setting;
 use symmetry::Symmetry;
 
+pub use asked::{Along, Asked};
 pub use family::{Change, End};
 pub use stability::{EnergyTest, Stability, Verdict};
 
@@ -52,46 +54,12 @@ const ATOL: f64 = 1e-15;
 const STRETCH: f64 = 3.0;
 /// A motion that moves by less than this in a period, beside its size, is an equilibrium.
 const AT_REST: f64 = 1e-8;
+/// The guess, and places on its motion, in periods.
+const PLACES: [f64; 5] = [0.0, 0.13, 0.31, 0.57, 0.79];
+/// Halvings that locate a change of orbits: multipliers are integrated to fewer digits.
+const HALVINGS_OF_ORBITS: usize = 25;
 /// Most steps of such a motion.
 const MAX_STEPS: u64 = 1_000_000;
-
-/// A question.
-#[derive(Clone, Debug, Default)]
-pub struct Asked {
-    /// Parameters that differ from the scene's.
-    pub set: BTreeMap<String, f64>,
-    /// Components of the guess, in any form of the state.
-    pub at: BTreeMap<String, f64>,
-    /// Inputs that differ from the values that the model holds them at.
-    pub hold: BTreeMap<String, f64>,
-    /// What keeps its value of the guess, or another one: components of the state, invariants, outputs.
-    pub keep: Vec<(String, Option<f64>)>,
-    /// Inputs and parameters that are solved for.
-    pub free: Vec<String>,
-    /// Whether nothing drifts.
-    pub at_rest: bool,
-    /// The time that equations with time in them are frozen at.
-    pub t: Option<f64>,
-    /// What a family goes along.
-    pub along: Option<Along>,
-    /// About how long an orbit takes: then a relative periodic orbit is sought.
-    pub period: Option<f64>,
-    /// What messages put before the name of an option: `--` on the command line.
-    pub dashes: &'static str,
-}
-
-/// The way of a family.
-#[derive(Clone, Debug)]
-pub struct Along {
-    /// A parameter, an input, a component of the state, an invariant, or an output.
-    pub name: String,
-    /// The first value.
-    pub from: f64,
-    /// The last value.
-    pub to: f64,
-    /// Number of points at equal distances where the family does not turn back.
-    pub n_points: usize,
-}
 
 /// A relative equilibrium.
 #[derive(Clone, Debug)]
@@ -144,17 +112,6 @@ pub fn find(model: &Arc<Checked>, scene: &str, asked: &Asked) -> Result<Answer, 
     let search = Search::new(model, &built, &field, asked)?;
     search.answer()
 }
-
-/// What a component of the state is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Role {
-    Coordinate,
-    /// A velocity or a momentum.
-    Velocity,
-    /// A component of a vector whose norm is kept: advected parameters, points of circles, quaternions.
-    Advected,
-}
-
 struct Search<'a> {
     asked: &'a Asked,
     built: &'a Built,
@@ -167,6 +124,8 @@ struct Search<'a> {
     constants: Vec<bool>,
     /// Whether a component is an angle.
     is_angle: Vec<bool>,
+    /// Components of the state that are modes.
+    modes: Vec<usize>,
     /// Whether there is an energy that is kept.
     has_energy: bool,
     /// The size of the derivatives of the rates at the guess.
@@ -234,6 +193,7 @@ impl<'a> Search<'a> {
             symmetries: Vec::new(),
             constants: Vec::new(),
             is_angle: velocity_names.iter().map(is_angle).collect(),
+            modes: Vec::new(),
             has_energy: false,
             scale: 0.0,
             held: Vec::new(),
@@ -241,28 +201,31 @@ impl<'a> Search<'a> {
             along: asked.along.as_ref().and_then(|along| names.quantity(&along.name)),
         };
         let is_coordinate = |name: &String| model.base.iter().any(|c| c.name == *name);
-        let roles: Vec<Role> = (velocity_names.iter().zip(&is_velocity))
+        let is_mode = |name: &String| model.modes.iter().any(|mode| mode.name == *name);
+        let parts: Vec<Part> = (velocity_names.iter().zip(&is_velocity))
             .map(|(name, is_velocity)| match (is_velocity, is_coordinate(name)) {
-                (true, _) => Role::Velocity,
-                (false, true) => Role::Coordinate,
-                (false, false) => Role::Advected,
+                (true, _) => Part::Velocity,
+                (false, true) => Part::Coordinate,
+                (false, false) if is_mode(name) => Part::Mode,
+                (false, false) => Part::Advected,
             })
             .collect();
-        search.look_around(&roles, &names)?;
+        search.modes = (0..parts.len()).filter(|k| parts[*k] == Part::Mode).collect();
+        search.look_around(&parts, &names)?;
         Ok(search)
     }
 
     /// Finds the quantities that are kept in any case, and the symmetries.
-    fn look_around(&mut self, roles: &[Role], names: &Names<'_>) -> Result<(), Error> {
+    fn look_around(&mut self, parts: &[Part], names: &Names<'_>) -> Result<(), Error> {
         let no_value = || Error::unusable("the guess", "is a state where the motion has no value");
         let n = self.guess.y.len();
         let by: Vec<Variable> = (0..n).map(Variable::State).collect();
         let values = self.field.values(&self.guess).filter(Values::are_finite).ok_or_else(no_value)?;
-        let around = symmetry::around(self.field, &self.guess);
+        let around = symmetry::around(self.field, &self.guess, parts);
         let at_guess = self.field.derivatives(&self.guess, &by).ok_or_else(no_value)?;
-        let slopes = || around.iter().map(|(_, slopes)| slopes).chain([&at_guess]);
+        let slopes = || around.iter().map(|(.., slopes)| slopes).chain([&at_guess]);
         let is_of_advected = |k: &usize| {
-            slopes().all(|by| (0..n).all(|i| roles[i] == Role::Advected || by[i].invariants[*k] == 0.0))
+            slopes().all(|by| (0..n).all(|i| parts[i] == Part::Advected || by[i].invariants[*k] == 0.0))
         };
         let is_found = |k: &usize| is_of_motion(&names.invariants[*k]);
         let all = 0..values.invariants.len();
@@ -292,9 +255,9 @@ impl<'a> Search<'a> {
             self.held.push((quantity, value.unwrap_or_else(|| quantity.value(&self.guess, &values))));
         }
         self.has_energy = !values.energy.is_empty();
-        let rule = symmetry::Kept { invariants: kept, energy: self.has_energy };
-        let is_velocity: Vec<bool> = roles.iter().map(|role| *role == Role::Velocity).collect();
-        self.symmetries = symmetry::find(self.field, &self.guess, &is_velocity, &rule);
+        let is_met = || around.iter().all(|(at, values, _)| self.field.energy_is_kept_by_events(at, values));
+        let rule = symmetry::Kept { invariants: kept, energy: self.has_energy && is_met() };
+        self.symmetries = symmetry::find(self.field, &self.guess, parts, &rule);
         Ok(())
     }
 
@@ -306,6 +269,7 @@ impl<'a> Search<'a> {
             field: self.field,
             symmetries,
             variables: state.chain(self.free.iter().copied()).collect(),
+            modes: &self.modes,
             held: self.held.clone(),
             along: None,
         }
@@ -317,18 +281,14 @@ impl<'a> Search<'a> {
             symmetries: &self.symmetries,
             has_energy: self.has_energy,
             constants: &self.constants,
+            modes: &self.modes,
             scale: self.scale,
         };
         if let Some(period) = self.asked.period {
             return self.orbit(&setting, period);
         }
         let mut equations = self.equations();
-        let from = self.asked.along.as_ref().map(|along| along.from);
-        if let (Some(quantity), Some(from)) = (self.along, from)
-            && !matches!(quantity, Quantity::Variable(Variable::Param(_) | Variable::Input(_)))
-        {
-            equations.held.push((quantity, from));
-        }
+        self.hold_first(&mut equations);
         let drifts = self.first_drifts(&equations);
         let start = equations.unknowns(&self.guess, &drifts, 0.0);
         let x = equations.solve(&start, &[]).map_err(|missed| self.missed(missed))?;
@@ -340,7 +300,21 @@ impl<'a> Search<'a> {
             self.equilibrium(&equations, &setting, &x, None).ok_or_else(|| self.missed(Missed::NoValue))?;
         let mut answer = self.answer_of(first);
         if let Some(along) = &self.asked.along {
-            self.follow(&setting, along, (&at, &equations.drifts(&x)), &mut answer)?;
+            let drifts = equations.drifts(&x);
+            let equations = Equations { along: self.along, ..self.equations() };
+            let judge = |x: &DVector<f64>| setting.stability(&equations.point(x), &equations.drifts(x));
+            let follower = Follower {
+                equations: &equations,
+                judge: &judge,
+                first: along.from,
+                last: along.to,
+                n_points: along.n_points,
+                n_halvings: HALVINGS,
+            };
+            let shown = |x: &DVector<f64>, stability: Stability| {
+                self.equilibrium(&equations, &setting, x, Some(stability))
+            };
+            self.follow(&follower, &equations.unknowns(&at, &drifts, along.from), &shown, &mut answer)?;
         }
         Ok(answer)
     }
@@ -356,13 +330,15 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The relative periodic orbit near the guess.
+    /// The relative periodic orbit near the guess, or a family of them.
     fn orbit(&self, setting: &Setting<'_>, period: f64) -> Result<Answer, Error> {
-        let equations = self.equations();
-        let n = self.guess.y.len();
-        let held = |input: &ParamEntry, value: &f64| (input.name.clone(), *value);
-        let inputs: Vec<(String, f64)> =
-            self.built.info().inputs.iter().zip(&self.guess.inputs).map(|(i, x)| held(i, x)).collect();
+        if let Some(Quantity::Variable(Variable::Input(_))) = self.along {
+            let path = format!("{}along", self.asked.dashes);
+            let reason = "is an input: families of orbits go along parameters and what a state has".into();
+            return Err(Error::Request { problems: vec![Problem::Unusable { path, reason }] });
+        }
+        let inputs = self.built.info().inputs.iter().zip(&self.guess.inputs);
+        let inputs: Vec<(String, f64)> = inputs.map(|(input, x)| (input.name.clone(), *x)).collect();
         let driven = match inputs.is_empty() {
             true => None,
             false => Some(self.built.also_driven_by(&InputTable::held("hold", &inputs))?),
@@ -370,57 +346,158 @@ impl<'a> Search<'a> {
         let scene = driven.as_ref().unwrap_or(self.built);
         // Neither no time at all nor many rounds.
         let allowed = period / STRETCH..period * STRETCH;
-        let flow = |at: &Point, t: f64, is_derived: bool| {
-            if allowed.contains(&t) { flowed(scene, at, t, is_derived) } else { None }
+        let flow = |at: &Point, t: f64, along: &[Direction]| {
+            if allowed.contains(&t) { flowed(scene, at, t, along) } else { None }
         };
-        let (reached, _) = flow(&self.guess, period, false).ok_or_else(|| {
+        let mut guess = self.guess.clone();
+        let mut missed = None;
+        let mut found = None;
+        for place in self.places() {
+            if *place > 0.0 {
+                let Some((y, _)) = flowed(scene, &self.guess, place * period, &[]) else { continue };
+                guess.y = y;
+            }
+            match self.first_orbit(&guess, &flow, period) {
+                Ok(orbit) => {
+                    found = Some(orbit);
+                    break;
+                }
+                Err(error) => missed = missed.or(Some(error)),
+            }
+        }
+        let no_value = || self.missed(Missed::NoValue);
+        let Some((x, frame)) = found else { return Err(missed.unwrap_or_else(no_value)) };
+        let mut equations = Equations { base: &guess, ..self.equations() };
+        self.hold_first(&mut equations);
+        let orbit = Orbit { equations: &equations, flow: &flow, frame: &frame };
+        let is_smooth = scene.watched().is_none();
+        let first = self.on_orbit(&orbit, setting, is_smooth, &x).ok_or_else(no_value)?;
+        let mut answer = self.answer_of(first);
+        if let Some(along) = &self.asked.along {
+            let equations = Equations { base: &guess, along: self.along, ..self.equations() };
+            let orbit = Orbit { equations: &equations, flow: &flow, frame: &frame };
+            let shown = |x: &DVector<f64>| self.on_orbit(&orbit, setting, is_smooth, x);
+            let judge = |x: &DVector<f64>| Some(shown(x)?.stability);
+            let follower = Follower {
+                equations: &orbit,
+                judge: &judge,
+                first: along.from,
+                last: along.to,
+                n_points: along.n_points,
+                n_halvings: HALVINGS_OF_ORBITS,
+            };
+            let shown = |x: &DVector<f64>, stability| Some(Equilibrium { stability, ..shown(x)? });
+            self.follow(&follower, &x.push(along.from), &shown, &mut answer)?;
+        }
+        Ok(answer)
+    }
+
+    /// The orbit near a guess, by its unknowns.
+    fn first_orbit(
+        &self,
+        guess: &Point,
+        flow: orbit::Flow<'_>,
+        period: f64,
+    ) -> Result<(DVector<f64>, Frame), Error> {
+        let mut equations = Equations { base: guess, ..self.equations() };
+        self.hold_first(&mut equations);
+        let n = guess.y.len();
+        let (reached, _) = flow(guess, period, &[]).ok_or_else(|| {
             Error::unusable(
                 "the guess",
                 format!("has no motion to the time {period}: give another period or guess"),
             )
         })?;
-        let values = self.field.values(&self.guess).ok_or_else(|| self.missed(Missed::NoValue))?;
+        let no_value = || self.missed(Missed::NoValue);
+        let values = self.field.values(guess).ok_or_else(no_value)?;
         let turn = |k: usize| {
             let full = std::f64::consts::TAU;
-            if self.is_angle[k] { full * ((reached[k] - self.guess.y[k]) / full).round() } else { 0.0 }
+            if self.is_angle[k] { full * ((reached[k] - guess.y[k]) / full).round() } else { 0.0 }
         };
-        let orbit = Orbit {
-            equations: &equations,
-            flow: &flow,
-            phase: DVector::from_vec(values.rates),
-            turns: DVector::from_fn(n, |k, _| turn(k)),
-        };
+        let phase = across(equations.symmetries, &guess.y, values.rates).ok_or_else(no_value)?;
+        let frame = Frame { phase, turns: DVector::from_fn(n, |k, _| turn(k)) };
+        let orbit = Orbit { equations: &equations, flow, frame: &frame };
         let drifts = vec![0.0; equations.symmetries.len()];
-        let start = equations.unknowns(&self.guess, &drifts, 0.0).push(period);
-        let x = orbit.solve(&start, &[]).map_err(|missed| self.missed(missed))?;
-        let no_value = || self.missed(Missed::NoValue);
-        let inner = x.rows(0, x.len() - 1).into_owned();
-        let at = admissible(&equations, &equations.point(&inner)).ok_or_else(no_value)?;
-        let (drifts, period) = (equations.drifts(&inner), x[x.len() - 1]);
-        let residual = orbit.residual(&x).ok_or_else(no_value)?.rows(0, n).amax();
-        let rest = equations.residual(&inner).ok_or_else(no_value)?.rows(0, n).amax();
-        if rest * period <= AT_REST * (1.0 + DVector::from_column_slice(&at.y).amax()) {
+        let start = orbit.joined(&equations.unknowns(guess, &drifts, 0.0), period);
+        let is_at_rest = |x: &DVector<f64>| {
+            let (inner, period) = orbit.parted(x);
+            let rest = equations.residual(&inner).map_or(0.0, |rates| rates.rows(0, n).amax());
+            rest * period <= AT_REST * (1.0 + x.rows(0, n).amax())
+        };
+        let mut x = orbit.solve(&start, &[]).map_err(|missed| self.missed(missed))?;
+        if is_at_rest(&x) {
+            // Where orbits are a family about an equilibrium, the one that is as far from it as the guess, in what
+            // moves.
+            let from_rest = &start - &x;
+            let moves = |k: usize| k < n && frame.phase[k] != 0.0;
+            let row = DVector::from_fn(x.len(), |k, _| if moves(k) { from_rest[k] } else { 0.0 });
+            let value = row.dot(&start);
+            if let Ok(other) = orbit.solve(&start, &[(row, value)]) {
+                x = other;
+            }
+        }
+        if is_at_rest(&x) {
             let reason = "leads to an equilibrium, which comes back after any time: give another one";
             return Err(Error::unusable("the guess", reason));
         }
-        let (_, derivatives) = flow(&at, period, true).ok_or_else(no_value)?;
+        Ok((x, frame))
+    }
+
+    /// Where the motion of the guess is looked at, in periods, one after the other until an orbit is found: a guess
+    /// near an event has motions with and without it about it. A family begins away from there.
+    fn places(&self) -> &'static [f64] {
+        match (self.may_move(), self.along.is_some()) {
+            (true, true) => &PLACES[1..],
+            (true, false) => &PLACES,
+            (false, _) => &PLACES[..1],
+        }
+    }
+
+    /// Whether an orbit may be told from another place than the one nearest to the guess: events act near that one, and
+    /// nothing is asked of the state there.
+    fn may_move(&self) -> bool {
+        let is_of_motion = |quantity: &Quantity| {
+            matches!(quantity, Quantity::Invariant(_) | Quantity::Variable(Variable::Param(_)))
+        };
+        let mut held = self.held.iter().map(|(quantity, _)| quantity);
+        let is_needed = |own: &Quantity| matches!(own, Quantity::Position(_) | Quantity::Residual(_));
+        let are_held_alike = held.all(|own| is_needed(own) || is_of_motion(own));
+        !self.field.acting().is_empty() && are_held_alike && self.along.as_ref().is_none_or(is_of_motion)
+    }
+
+    /// An orbit from its unknowns.
+    fn on_orbit(
+        &self,
+        orbit: &Orbit<'_>,
+        setting: &Setting<'_>,
+        is_smooth: bool,
+        x: &DVector<f64>,
+    ) -> Option<Equilibrium> {
+        let n = self.guess.y.len();
+        let equations = orbit.equations;
+        let (inner, period) = orbit.parted(x);
+        let at = admissible(equations, &equations.point(&inner))?;
+        let drifts = equations.drifts(&inner);
+        let residual = orbit.residual(x)?.rows(0, n).amax();
+        let directions: Vec<Direction> = (0..n).map(Direction::Initial).collect();
+        let (_, derivatives) = (orbit.flow)(&at, period, &directions)?;
         // Back from where the drift has led.
         let (back, _) = drifted(equations.symmetries, &drifts, -period, n);
-        let stability = setting
-            .of_orbit(&at, (&(back * derivatives), scene.watched().is_none()), period)
-            .ok_or_else(no_value)?;
+        let stability = setting.of_orbit(&at, (&(back * derivatives), is_smooth), period)?;
+        let along = equations.along.map(|_| x[x.len() - 1]);
         let Point { y: state, inputs, params } = at;
         let period = Some(period);
-        Ok(self.answer_of(Equilibrium {
-            state,
-            inputs,
-            params,
-            drifts,
-            residual,
-            along: None,
-            period,
-            stability,
-        }))
+        Some(Equilibrium { state, inputs, params, drifts, residual, along, period, stability })
+    }
+
+    /// Holds what a family goes along at its first value, where that is a quantity of the state.
+    fn hold_first(&self, equations: &mut Equations<'_>) {
+        let from = self.asked.along.as_ref().map(|along| along.from);
+        if let (Some(quantity), Some(from)) = (self.along, from)
+            && !matches!(quantity, Quantity::Variable(Variable::Param(_) | Variable::Input(_)))
+        {
+            equations.held.push((quantity, from));
+        }
     }
 
     /// Drifts that meet the rates of the guess best.
@@ -458,28 +535,16 @@ impl<'a> Search<'a> {
         Some(Equilibrium { state, inputs, params, drifts, residual, along, period: None, stability })
     }
 
+    /// Follows a family; `shown` makes an equilibrium or an orbit of its unknowns.
     fn follow(
         &self,
-        setting: &Setting<'_>,
-        along: &Along,
-        (at, drifts): (&Point, &[f64]),
+        follower: &Follower<'_>,
+        start: &DVector<f64>,
+        shown: &dyn Fn(&DVector<f64>, Stability) -> Option<Equilibrium>,
         answer: &mut Answer,
     ) -> Result<(), Error> {
-        let equations = Equations { along: self.along, ..self.equations() };
-        let follower = Follower {
-            equations: &equations,
-            setting,
-            first: along.from,
-            last: along.to,
-            n_points: along.n_points,
-        };
-        let curve = follower
-            .follow(&equations.unknowns(at, drifts, along.from))
-            .ok_or_else(|| self.missed(Missed::NoValue))?;
-        let shown = |on: &OnCurve| {
-            let x = follower.unscaled(&on.x);
-            self.equilibrium(&equations, setting, &x, Some(on.stability.clone()))
-        };
+        let curve = follower.follow(start).ok_or_else(|| self.missed(Missed::NoValue))?;
+        let shown = |on: &OnCurve| shown(&follower.unscaled(&on.x), on.stability.clone());
         answer.equilibria = curve.points.iter().filter_map(shown).collect();
         answer.changes =
             curve.changes.iter().filter_map(|(k, change, on)| Some((*k, *change, shown(on)?))).collect();
@@ -512,10 +577,8 @@ fn is_of_motion(name: &str) -> bool {
         || ["gauge_momentum", "space_"].iter().any(|first| name.starts_with(first))
 }
 
-/// The state that a motion reaches, and its derivatives by the initial state; nothing where it does not go so far.
-fn flowed(scene: &Built, at: &Point, t: f64, is_derived: bool) -> Option<(Vec<f64>, DMatrix<f64>)> {
-    let n = at.y.len();
-    let along = if is_derived { (0..n).map(Direction::Initial).collect() } else { Vec::new() };
+/// The state that a motion reaches, and its derivatives along directions; nothing where it does not go so far.
+fn flowed(scene: &Built, at: &Point, t: f64, along: &[Direction]) -> Option<(Vec<f64>, DMatrix<f64>)> {
     let request = SimulateRequest {
         params: at.params.clone(),
         initial: at.y.clone(),
@@ -529,91 +592,12 @@ fn flowed(scene: &Built, at: &Point, t: f64, is_derived: bool) -> Option<(Vec<f6
         max_events: MAX_EVENTS,
         watched: scene.watched(),
         noise: Noise::default(),
-        along,
+        along: along.to_vec(),
         tangents: Vec::new(),
     };
     let response = simulate(scene, &request, &mut |_| ()).ok().filter(|found| found.t == t)?;
     let columns: Vec<DVector<f64>> =
         response.along.iter().map(|(_, column)| DVector::from_column_slice(column)).collect();
-    let derivatives = if is_derived { DMatrix::from_columns(&columns) } else { DMatrix::zeros(0, 0) };
+    let derivatives = if columns.is_empty() { DMatrix::zeros(0, 0) } else { DMatrix::from_columns(&columns) };
     Some((response.last, derivatives))
-}
-
-/// What names may mean.
-struct Names<'a> {
-    info: &'a Info,
-    invariants: Vec<String>,
-}
-
-impl Names<'_> {
-    fn outputs(&self) -> impl Iterator<Item = &String> {
-        self.info.outputs.iter().flat_map(|group| &group.components)
-    }
-
-    fn variable(&self, name: &str) -> Option<Variable> {
-        let input = self.info.inputs.iter().position(|input| input.name == name).map(Variable::Input);
-        let param = || self.info.params.iter().position(|p| p.name == name).map(Variable::Param);
-        input.or_else(param)
-    }
-
-    fn quantity(&self, name: &str) -> Option<Quantity> {
-        let state = self.info.state.iter().position(|own| own == name);
-        let state = state.map(|k| Quantity::Variable(Variable::State(k)));
-        let other = || self.variable(name).map(Quantity::Variable);
-        let invariant = || self.invariants.iter().position(|own| own == name).map(Quantity::Invariant);
-        let output = || self.outputs().position(|own| own == name).map(Quantity::Output);
-        state.or_else(other).or_else(invariant).or_else(output)
-    }
-
-    /// All names that something can be kept at.
-    fn kept(&self) -> Vec<String> {
-        self.info.state.iter().chain(&self.invariants).chain(self.outputs()).cloned().collect()
-    }
-
-    /// Inputs and parameters.
-    fn variables(&self) -> Vec<String> {
-        self.info.inputs.iter().chain(&self.info.params).map(|entry| entry.name.clone()).collect()
-    }
-
-    fn check(&self, asked: &Asked, forms: &Forms) -> Result<(), Error> {
-        let mut problems = Vec::new();
-        let unknown = |path: &str, name: &String, kind: &'static str, known: Vec<String>| {
-            Problem::UnknownName { path: path.into(), name: name.clone(), kind, known }
-        };
-        let own = |names: &[ParamEntry]| names.iter().map(|entry| entry.name.clone()).collect();
-        let of_state: Vec<String> = forms.known().into_iter().map(str::to_owned).collect();
-        let given = [
-            (&asked.set, "set", "parameter", own(&self.info.params)),
-            (&asked.hold, "hold", "input", own(&self.info.inputs)),
-            (&asked.at, "at", "state", of_state),
-        ];
-        for (list, path, kind, known) in given {
-            let wrong = list.keys().filter(|name| !known.contains(name));
-            problems.extend(wrong.map(|name| unknown(path, name, kind, known.clone())));
-        }
-        for (name, _) in &asked.keep {
-            if self.quantity(name).is_none() || self.variable(name).is_some() {
-                problems.push(unknown("keep", name, "value", self.kept()));
-            }
-        }
-        for name in &asked.free {
-            if self.variable(name).is_none() {
-                problems.push(unknown("free", name, "input or parameter", self.variables()));
-            }
-        }
-        if let Some(along) = &asked.along {
-            let known = || self.variables().into_iter().chain(self.kept()).collect();
-            if self.quantity(&along.name).is_none() {
-                problems.push(unknown("along", &along.name, "value", known()));
-            }
-            let is_said_twice = asked.free.contains(&along.name)
-                || asked.keep.iter().any(|(name, _)| *name == along.name)
-                || [&asked.set, &asked.hold].iter().any(|list| list.contains_key(&along.name));
-            if is_said_twice {
-                let reason = format!("goes along {}, which is given or set free besides", along.name);
-                problems.push(Problem::Unusable { path: format!("{}along", asked.dashes), reason });
-            }
-        }
-        if problems.is_empty() { Ok(()) } else { Err(Error::Request { problems }) }
-    }
 }

@@ -71,13 +71,15 @@ impl Quantity {
 
 /// The equations. The unknowns are the variables, the drifts `c`, and behind them the value of what a family goes
 /// along, where there is such.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Equations<'a> {
     /// Has all numbers that are no unknowns.
     pub(super) base: &'a Point,
     pub(super) field: &'a Field<'a>,
     pub(super) symmetries: &'a [Symmetry],
     pub(super) variables: Vec<Variable>,
+    /// Places of modes in the state, which stay on or off.
+    pub(super) modes: &'a [usize],
     pub(super) held: Vec<(Quantity, f64)>,
     /// What a family goes along.
     pub(super) along: Option<Quantity>,
@@ -119,6 +121,7 @@ impl Equations<'_> {
         for (variable, value) in self.variables.iter().zip(x.iter()) {
             at.set(*variable, *value);
         }
+        self.modes.iter().for_each(|k| at.y[*k] = self.base.y[*k]);
         if let Some(Quantity::Variable(variable)) = self.along
             && !self.variables.contains(&variable)
         {
@@ -144,6 +147,11 @@ pub(super) trait Solvable {
     /// The residuals at unknowns; nothing where they have no value.
     fn residual(&self, x: &DVector<f64>) -> Option<DVector<f64>>;
 
+    /// Singular values of the derivatives below this part of the largest are zeros.
+    fn rank(&self) -> f64 {
+        RANK
+    }
+
     /// The residuals and their derivatives; nothing where they have no value.
     fn linear(&self, x: &DVector<f64>) -> Option<Linear>;
 
@@ -155,7 +163,7 @@ pub(super) trait Solvable {
                 return Err(Missed::NoValue);
             };
             let size = linear.residual.norm();
-            let Some(svd) = Svd::new(&linear.jacobian) else { return Err(Missed::NoValue) };
+            let Some(svd) = Svd::of_rank(&linear.jacobian, self.rank()) else { return Err(Missed::NoValue) };
             let mut found = None;
             let mut damping = 0.0;
             for _ in 0..MAX_HALVINGS {
@@ -282,8 +290,13 @@ pub(super) struct Svd {
 
 impl Svd {
     pub(super) fn new(matrix: &DMatrix<f64>) -> Option<Svd> {
+        Svd::of_rank(matrix, RANK)
+    }
+
+    /// Singular values below a part `rank` of the largest are zeros.
+    pub(super) fn of_rank(matrix: &DMatrix<f64>, rank: f64) -> Option<Svd> {
         let svd = matrix.clone().try_svd(true, true, f64::EPSILON, 10_000)?;
-        let cut = RANK * svd.singular_values.max();
+        let cut = rank * svd.singular_values.max();
         let sizes = svd.singular_values.map(|s| if s > cut { s } else { 0.0 });
         Some(Svd { u: svd.u?, sizes, v: svd.v_t?.transpose() })
     }
@@ -293,7 +306,7 @@ impl Svd {
     }
 
     /// The shortest step that meets the equations, or one that is shorter still.
-    fn step(&self, residual: &DVector<f64>, damping: f64) -> DVector<f64> {
+    pub(super) fn step(&self, residual: &DVector<f64>, damping: f64) -> DVector<f64> {
         let parts = self.u.transpose() * residual;
         let filtered =
             parts.zip_map(

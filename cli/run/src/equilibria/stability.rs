@@ -153,6 +153,8 @@ pub(super) struct Setting<'a> {
     pub(super) has_energy: bool,
     /// The components of the state that never change.
     pub(super) constants: &'a [bool],
+    /// Places of modes: no deviation switches one.
+    pub(super) modes: &'a [usize],
     /// The size of derivatives of the rates where the search began: eigenvalues that are rounding beside it are zero.
     pub(super) scale: f64,
 }
@@ -249,22 +251,24 @@ impl Setting<'_> {
         let kept = gradients(slopes, Values::kept);
         let n_strict = slopes.first().map_or(0, |s| s.positions.len() + s.residuals.len());
         let (of_motion, strict) = kept.split_at(kept.len() - n_strict);
-        let constants: Vec<DVector<f64>> = (0..n)
-            .filter(|k| self.constants[*k])
-            .map(|k| DVector::from_fn(n, |j, _| f64::from(j == k)))
-            .collect();
+        let unit = |k: usize| DVector::from_fn(n, |j, _| f64::from(j == k));
+        let is_constant = |k: &usize| self.constants[*k] && !self.modes.contains(k);
+        let constants: Vec<DVector<f64>> = (0..n).filter(is_constant).map(unit).collect();
+        let modes: Vec<DVector<f64>> = self.modes.iter().map(|k| unit(*k)).collect();
         // Momenta that a drift turns stay among momenta.
         let turned = matrix.transpose();
         let is_met = |matrix: &DMatrix<f64>, v: &DVector<f64>| {
             is_smooth || (matrix * v).norm() <= SMALL * matrix.norm() * v.norm()
         };
-        let all = of_motion.iter().chain(strict).chain(&constants).filter(|g| is_met(&turned, g));
-        let conserved = invariant_span(&turned, all);
+        let all = of_motion.iter().chain(&constants).filter(|g| is_met(&turned, g));
+        let conserved = invariant_span(&turned, all.chain(strict).chain(&modes));
         let level = null_space(&conserved, n)?;
         let moved: Vec<DVector<f64>> = self.symmetries.iter().map(|s| s.at(&y)).chain(ahead).collect();
         let along = invariant_span(matrix, moved.iter().filter(|z| is_met(matrix, z)));
         let (space, n_symmetries) = modulo(&level, &along)?;
-        Some(Reduced { n_invariants: n - level.ncols(), space, n_symmetries, kept, constants })
+        let n_invariants = n - level.ncols() - modes.len();
+        let constants = [constants, modes].concat();
+        Some(Reduced { n_invariants, space, n_symmetries, kept, constants })
     }
 
     /// The signs of the second variation on a space; nothing where the energy is not kept, or has a first one.
@@ -386,6 +390,13 @@ impl Stability {
         }
         let nearest = self.eigenvalues.iter().min_by(|x, y| x[0].abs().total_cmp(&y[0].abs()));
         nearest.is_some_and(|z| z[1].abs() <= REAL / NEUTRAL * self.cut)
+    }
+
+    /// Whether the multiplier nearest to the unit circle is minus one.
+    pub(super) fn is_doubling(&self) -> bool {
+        let distance = |z: &[f64; 2]| (z[0].hypot(z[1]) - 1.0).abs();
+        let nearest = self.multipliers.iter().min_by(|x, y| distance(x).total_cmp(&distance(y)));
+        nearest.is_some_and(|z| z[0] < 0.0 && z[1].abs() <= REAL)
     }
 
     /// What eigenvalues and energy come to.

@@ -7,8 +7,8 @@
 //! [Z, f] = Df Z - DZ f = 0   and   dI Z = 0
 //! ```
 //!
-//! for the energy and whatever depends on positions alone and is kept, `I`. Where events act along a motion, it keeps
-//! their functions `F` as well, and goes through what they set, `g`:
+//! for whatever depends on positions alone and is kept, `I`, and for the energy unless events change it. Where events
+//! act along a motion, it keeps their functions `F` as well, and goes through what they set, `g`:
 //!
 //! ```text
 //! dF Z = 0,   Dg Z(y) = Z(g(y))
@@ -23,7 +23,7 @@
 use hamel_expr::uniform;
 use nalgebra::{DMatrix, DVector};
 
-use super::field::{Acting, Field, Point, Values, Variable};
+use super::field::{Acting, Field, Part, Point, Values, Variable};
 
 /// Most entries of `S` and `b` that are looked for; beyond, translations alone are.
 const MAX_ENTRIES: usize = 400;
@@ -83,12 +83,15 @@ struct Entries {
 }
 
 impl Entries {
-    fn new(is_velocity: &[bool]) -> Entries {
-        let n = is_velocity.len();
-        let shifts: Vec<usize> = (0..n).filter(|i| !is_velocity[*i]).collect();
-        let all = (0..n).flat_map(|i| (0..n).map(move |j| (i, j)));
+    /// Modes are moved by nothing.
+    fn new(parts: &[Part]) -> Entries {
+        let n = parts.len();
+        let moved = || (0..n).filter(|i| parts[*i] != Part::Mode);
+        let is_velocity = |i: usize| parts[i] == Part::Velocity;
+        let shifts: Vec<usize> = moved().filter(|i| !is_velocity(*i)).collect();
+        let all = moved().flat_map(|i| moved().map(move |j| (i, j)));
         let mut slopes: Vec<(usize, usize)> =
-            all.filter(|(i, j)| is_velocity[*i] == is_velocity[*j]).collect();
+            all.filter(|(i, j)| is_velocity(*i) == is_velocity(*j)).collect();
         // A rotation is `x d/dy - y d/dx`.
         slopes.sort_by_key(|(i, j)| i < j);
         let slopes = if shifts.len() + slopes.len() > MAX_ENTRIES { Vec::new() } else { slopes };
@@ -133,17 +136,17 @@ pub(super) struct Kept {
 
 /// The symmetries at the parameters and inputs of a point, a basis with as few entries as elimination leaves; `kept`
 /// says what they have to keep.
-pub(super) fn find(field: &Field<'_>, at: &Point, is_velocity: &[bool], kept: &Kept) -> Vec<Symmetry> {
-    let entries = Entries::new(is_velocity);
+pub(super) fn find(field: &Field<'_>, at: &Point, parts: &[Part], kept: &Kept) -> Vec<Symmetry> {
+    let entries = Entries::new(parts);
     let (n, n_entries) = (at.y.len(), entries.len());
     if n_entries == 0 {
         return Vec::new();
     }
-    let mut states = States { field, at, seed: 1 };
+    let mut states = States { field, at, parts, seed: 1 };
     let mut rows: Vec<Vec<f64>> = Vec::new();
     // Without an energy that says what a symmetry is, only rotations and translations are; in equations of first order
     // for places, products of translations with the momenta, which are affine there, are none.
-    if !kept.energy || !is_velocity.contains(&true) {
+    if !kept.energy || !parts.contains(&Part::Velocity) {
         rows.extend(rotations_alone(&entries));
     }
     for _ in 0..n_entries / n + SPARE_STATES {
@@ -165,29 +168,34 @@ pub(super) fn find(field: &Field<'_>, at: &Point, is_velocity: &[bool], kept: &K
     echelon(null).iter().map(|row| entries.symmetry(row)).collect()
 }
 
-/// Some states near a point, with the derivatives of everything by the state.
-pub(super) fn around(field: &Field<'_>, at: &Point) -> Vec<(Values<f64>, Vec<Values<f64>>)> {
-    let mut states = States { field, at, seed: 2 };
-    (0..SPARE_STATES)
-        .filter_map(|_| states.next_state())
-        .map(|(_, values, slopes)| (values, slopes))
-        .collect()
+/// A state, what it has, and the derivatives of that by the state.
+type State = (Point, Values<f64>, Vec<Values<f64>>);
+
+/// Some states near a point.
+pub(super) fn around(field: &Field<'_>, at: &Point, parts: &[Part]) -> Vec<State> {
+    let mut states = States { field, at, parts, seed: 2 };
+    (0..SPARE_STATES).filter_map(|_| states.next_state()).collect()
 }
 
 /// States near a point at which everything has a value.
 struct States<'a, 'b> {
     field: &'a Field<'b>,
     at: &'a Point,
+    parts: &'a [Part],
     seed: u64,
 }
 
 impl States<'_, '_> {
-    fn next_state(&mut self) -> Option<(Point, Values<f64>, Vec<Values<f64>>)> {
+    fn next_state(&mut self) -> Option<State> {
         let by: Vec<Variable> = (0..self.at.y.len()).map(Variable::State).collect();
         for _ in 0..TRIES {
             let mut point = self.at.clone();
-            for x in &mut point.y {
-                *x += (uniform(&mut self.seed) - 0.5) * x.abs().max(1.0);
+            for (x, part) in point.y.iter_mut().zip(self.parts) {
+                let drawn = uniform(&mut self.seed) - 0.5;
+                match part {
+                    Part::Mode => *x = f64::from(u8::from(drawn > 0.0)),
+                    _ => *x += drawn * x.abs().max(1.0),
+                }
             }
             let Some(values) = self.field.values(&point).filter(Values::are_finite) else { continue };
             let Some(slopes) = self.field.derivatives(&point, &by) else { continue };
