@@ -104,6 +104,21 @@ fn a_height_over_a_floor_moves_along_it() {
     assert!(text.contains("moved onto the equations: ") && text.contains("z from 1.0 to 1.25"), "{text}");
 }
 
+/// Where nothing is given and the motion has no value at zero, other values are tried; modes stay off.
+#[test]
+fn modes_are_off_where_a_start_is_chosen() {
+    let model = file(
+        "wheel.hamel",
+        "model wheel { coordinate r, x in real; lagrangian = (r_dot^2 + r^2*x_dot^2)/2 - 1/r;
+            mode held { constraint hold: r_dot = 0; }
+            event far = r - 5 rising { enter held; } }",
+    );
+    let text = simulated(&[&model, "--t-final", "0"]);
+    assert_eq!(numbers(&text, "held")[0], 0.0, "{text}");
+    assert!(numbers(&text, "r")[0] > 0.0, "{text}");
+    assert!(text.contains("  start      chosen: r = ") && !text.contains("held = "), "{text}");
+}
+
 #[test]
 fn a_velocity_that_is_given_stays_and_one_that_is_not_follows() {
     let model = file("parallelogram.hamel", PARALLELOGRAM);

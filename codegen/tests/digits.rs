@@ -152,6 +152,7 @@ fn drawn(roles: &[VariableRole], region: usize, random: &mut Random) -> Vec<f64>
         }
         VariableRole::Unbounded => PI * random.number(),
         VariableRole::Group { .. } => random.number(),
+        VariableRole::Mode => f64::from(u8::from(random.number() > 0.0)),
         VariableRole::Advected { index, n } => {
             if index == 0 {
                 let spread = if edge { magnitude(random, -12.0, -1.0) } else { 1.0 };

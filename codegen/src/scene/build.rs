@@ -354,7 +354,7 @@ fn sampling(model: &Model, plan: &Plan, (equations, state): (&Equations, &[State
     let roles = variable_roles(model, &params);
     let kind = |s: &StateEquation| match roles.get(&s.name).copied() {
         Some(VariableRole::Bounded { from, to }) => VariableKind::Bounded { from, to },
-        Some(VariableRole::Unbounded) => VariableKind::Unbounded,
+        Some(VariableRole::Unbounded | VariableRole::Mode) => VariableKind::Unbounded,
         Some(VariableRole::Advected { index, n }) => VariableKind::Vector { index, n },
         Some(VariableRole::Group { .. }) => VariableKind::Group,
         Some(VariableRole::Velocity) | None => VariableKind::Velocity,

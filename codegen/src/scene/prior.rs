@@ -141,7 +141,9 @@ impl Prior {
                 Some(VariableRole::Bounded { from, to }) if attempt > 0 => {
                     from + (to - from) * (0.5 + shift / 2.0)
                 }
-                Some(role @ (VariableRole::Bounded { .. } | VariableRole::Group { .. })) => neutral(role),
+                Some(
+                    role @ (VariableRole::Bounded { .. } | VariableRole::Group { .. } | VariableRole::Mode),
+                ) => neutral(role),
                 Some(VariableRole::Unbounded) => {
                     n_coordinates += 1;
                     shift * (1.0 + 0.3 * f64::from(n_coordinates))
@@ -161,12 +163,13 @@ impl Prior {
     }
 
     /// What became of the components of a state that the user did not give; coordinates of the group begin at its
-    /// identity without a word.
+    /// identity, and modes are off, without a word.
     pub fn told(&self, names: &[String], given: &BTreeMap<String, f64>, state: &[f64]) -> Vec<Told> {
         let mut told = Vec::new();
         for ((name, origin), value) in names.iter().zip(self.origins(names, given)).zip(state) {
             let identity = match self.roles.get(name) {
                 Some(VariableRole::Group { identity }) => Some(identity),
+                Some(VariableRole::Mode) => Some(&0.0),
                 _ => None,
             };
             let (name, value) = (name.clone(), *value);
@@ -188,7 +191,10 @@ fn neutral(role: &VariableRole) -> f64 {
         VariableRole::Bounded { from, to } if *from < 0.0 && 0.0 < *to => 0.0,
         VariableRole::Bounded { from, to } => from + (to - from) / 2.0,
         VariableRole::Group { identity } => *identity,
-        VariableRole::Unbounded | VariableRole::Velocity | VariableRole::Advected { .. } => 0.0,
+        VariableRole::Unbounded
+        | VariableRole::Velocity
+        | VariableRole::Mode
+        | VariableRole::Advected { .. } => 0.0,
     }
 }
 

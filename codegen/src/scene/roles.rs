@@ -22,6 +22,8 @@ pub enum VariableRole {
     Unbounded,
     /// A velocity or a momentum.
     Velocity,
+    /// One while a mode is on, and zero otherwise.
+    Mode,
     /// A coordinate of the group.
     Group {
         /// Its value at the identity.
@@ -63,6 +65,7 @@ pub fn variable_roles(model: &Model, params: &BTreeMap<String, f64>) -> BTreeMap
     for state in &model.first_order {
         roles.extend(state.components.iter().map(|(name, _)| (name.clone(), role_in(state.domain))));
     }
+    roles.extend(model.modes.iter().map(|mode| (mode.name.clone(), VariableRole::Mode)));
     for coordinate in &model.base {
         roles.insert(coordinate.name.clone(), role_in(coordinate.domain));
         // A scene may carry it as a point of the circle.

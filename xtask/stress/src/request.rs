@@ -80,6 +80,7 @@ impl SceneRequest {
             (Some(value), _) => *value,
             (None, Role::Bounded { from, to }) => 0.5 * (from + to),
             (None, Role::Group { identity }) => *identity,
+            (None, Role::Mode) => 0.0,
             (None, _) => 0.5,
         };
         let place = |name: &String| state.iter().position(|own| own == name);

@@ -72,6 +72,7 @@ pub fn state(scene: &SceneRequest, region: Region, random: &mut Random) -> Vec<f
     let common = magnitude(random, -8.0, 8.0);
     let mut advected = Vec::new();
     let mut component = |role: &Role, initial: f64| match *role {
+        Role::Mode if region == Region::Initial => initial,
         _ if region == Region::Initial => initial * (1.0 + 0.2 * random.number()) + 0.2 * random.number(),
         Role::Bounded { from, to } if edge => {
             let distance = (to - from) * magnitude(random, -12.0, -1.0);
@@ -83,6 +84,7 @@ pub fn state(scene: &SceneRequest, region: Region, random: &mut Random) -> Vec<f
         }
         Role::Unbounded => PI * random.number(),
         Role::Group { .. } => random.number(),
+        Role::Mode => f64::from(u8::from(random.number() > 0.0)),
         Role::Advected { index, n } => {
             if index == 0 {
                 advected = unit_vector(random, n, edge);
