@@ -56,7 +56,8 @@ const PARALLEL: f64 = 0.9;
 /// the way, below which a motion comes near to a place where they are dependent.
 const NEAR: f64 = 0.05;
 
-/// Where a distance is larger than that at both ends of a part, directions do not turn round on it.
+/// Where rows change by less than this part of the distances at both ends, directions do not turn round: a singular
+/// value changes by no more than they do.
 const APART: f64 = 0.5;
 
 /// A place that was looked at in vain is one again when the distance is so much smaller.
@@ -397,7 +398,12 @@ fn turns_rows_round(a: &[VecState], b: &[VecState]) -> bool {
         return false;
     }
     let longest: Vec<f64> = a.iter().zip(b).map(|(a, b)| length(&a.0).max(length(&b.0))).collect();
-    if [a, b].iter().all(|rows| least_distance(rows, &longest) >= APART) {
+    let distances: f64 = [a, b].iter().map(|rows| least_distance(rows, &longest)).sum();
+    let change = a.iter().zip(b).zip(&longest).map(|((a, b), length)| {
+        let squares = a.0.iter().zip(&b.0).map(|(a, b)| ((b - a) / length).powi(2));
+        squares.sum::<f64>()
+    });
+    if change.sum::<f64>().sqrt() < APART * distances {
         return false;
     }
     let orthonormal = |rows: &[VecState]| {

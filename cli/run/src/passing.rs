@@ -54,22 +54,23 @@ impl Course<'_> {
         let (error, refusal, passed) = nothing;
         let mut reached = Reached { t, y, error, refusal, steps: 0, rejected: 0, rhs_evals: 0, passed };
         self.leg((scene, method), &mut reached, self.request.t_final, watcher)?;
+        let mut way = Way {
+            scene,
+            method,
+            options: self.options,
+            rtol: match self.request.steps {
+                Steps::Adaptive { rtol, .. } => Some(rtol),
+                Steps::Fixed { .. } => None,
+            },
+            evaluations: 0,
+            lengths: Vec::new(),
+        };
         while self.is_stopped(&reached, watcher) {
-            let mut way = Way {
-                scene,
-                method,
-                options: self.options,
-                rtol: match self.request.steps {
-                    Steps::Adaptive { rtol, .. } => Some(rtol),
-                    Steps::Fixed { .. } => None,
-                },
-                evaluations: 0,
-            };
             let marks: Vec<Point> = watcher.marks.iter().map(|mark| (mark.t, mark.y.clone())).collect();
             let (lost_at, near_at) = (watcher.record.lost_at, watcher.record.near_at);
-            let told = lost_at.or(near_at).unwrap_or(reached.t);
+            let told = lost_at.or(near_at).unwrap_or_else(|| self.next(&reached, watcher));
             let found = crossing::find(&mut way, &marks, told, self.is_backward());
-            reached.rhs_evals += way.evaluations;
+            reached.rhs_evals += std::mem::take(&mut way.evaluations);
             let last = reached.passed.last().map(|passed| passed.t);
             match found {
                 Ok(crossing) if last.is_some_and(|last| !self.is_beyond(crossing.t, last)) => {
@@ -88,6 +89,16 @@ impl Course<'_> {
             }
         }
         Ok(reached)
+    }
+
+    /// The end of a step like the last one from where a motion has come to.
+    fn next(&self, reached: &Reached, watcher: &Watcher<'_, '_>) -> f64 {
+        let step = match (self.request.steps, &watcher.marks[..]) {
+            (Steps::Fixed { step }, _) => step.copysign(self.request.t_final),
+            (_, [.., before, last]) => last.t - before.t,
+            _ => (self.request.t_final - reached.t) / 64.0,
+        };
+        reached.t + step
     }
 
     fn is_backward(&self) -> bool {

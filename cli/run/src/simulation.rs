@@ -122,8 +122,8 @@ impl SingularPosition {
         let last = passed.last()?.t;
         let n = passed.len();
         let (positions, last) = match n {
-            1 => ("position", format!("at t = {last:?}")),
-            _ => ("positions", format!("the last at t = {last:?}")),
+            1 => ("position", format!("at t = {last:.6}")),
+            _ => ("positions", format!("the last at t = {last:.6}")),
         };
         Some(format!(
             "{n} {positions} passed, {last}, where equations depend on each other: the motion goes on along the branch \

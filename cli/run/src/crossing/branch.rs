@@ -28,26 +28,40 @@ pub(super) struct Branch<'d> {
 }
 
 impl<'d> Branch<'d> {
-    /// Through a state; `way` has states on the way to it, and it. None where there are no equations between
+    /// Through a state, with the greatest lengths of gradients on the way. None where there are no equations between
     /// coordinates.
     pub(super) fn through(
         dynamics: &'d dyn Dynamics,
         (t, y): (f64, &[f64]),
-        way: &[Point],
+        lengths: &[f64],
     ) -> Option<Branch<'d>> {
+        let mut branch = Branch::of(dynamics)?;
+        dynamics.position_residuals(t, y, &mut branch.levels);
+        branch.levels[..branch.n_equations].fill(0.0);
+        branch.lengths.copy_from_slice(lengths);
+        branch.lengths.iter().all(|length| length.is_finite() && *length > 0.0).then_some(branch)
+    }
+
+    /// Of no state in particular, with gradients as they are.
+    fn of(dynamics: &'d dyn Dynamics) -> Option<Branch<'d>> {
         let found = dynamics.positions().filter(|found| found.n_equations > 0)?;
         let (n_equations, n_functions) = (found.n_equations, found.n_functions);
-        let mut levels = vec![0.0; n_functions];
-        dynamics.position_residuals(t, y, &mut levels);
-        levels[..n_equations].fill(0.0);
-        let mut branch = Branch { dynamics, n_equations, levels, lengths: vec![1.0; n_functions] };
-        let mut lengths = vec![0.0_f64; n_functions];
-        for (t, y) in way {
+        Some(Branch {
+            dynamics,
+            n_equations,
+            levels: vec![0.0; n_functions],
+            lengths: vec![1.0; n_functions],
+        })
+    }
+
+    /// Makes the greatest lengths of gradients those at some states, too.
+    pub(super) fn lengthen(dynamics: &'d dyn Dynamics, states: &[Point], lengths: &mut Vec<f64>) {
+        let Some(branch) = Branch::of(dynamics) else { return };
+        lengths.resize(branch.lengths.len(), 0.0);
+        for (t, y) in states {
             let gradients = branch.gradients(*t, y);
             lengths.iter_mut().zip(gradients.row_iter()).for_each(|(most, row)| *most = most.max(row.norm()));
         }
-        branch.lengths = lengths;
-        branch.lengths.iter().all(|length| length.is_finite() && *length > 0.0).then_some(branch)
     }
 
     /// A row for each function, by the components of the state.

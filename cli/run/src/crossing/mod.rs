@@ -25,6 +25,15 @@ const NODES: (usize, usize) = (16, 12);
 /// Nodes at which the motion is extrapolated by.
 const NODES_BEFORE: usize = 9;
 
+/// Parts of the way in which a singular value is looked for that falls to zero.
+const PARTS: u32 = 16;
+
+/// A zero that moves by this part of its distance from one secant to the next is settled.
+const SETTLED: f64 = 0.01;
+
+/// So many such parts behind the time that was told, at most.
+const BEYOND: f64 = 16.0;
+
 /// The least singular value at the ends of the first path that is tried, relative to what gradients are elsewhere.
 const OPENING: f64 = 0.2;
 
@@ -84,6 +93,8 @@ pub(crate) struct Way<'w, 'f, M> {
     pub(crate) rtol: Option<f64>,
     /// Evaluations of the rates.
     pub(crate) evaluations: u64,
+    /// The greatest lengths of gradients on the way.
+    pub(crate) lengths: Vec<f64>,
 }
 
 /// A time and a state.
@@ -103,7 +114,11 @@ pub(crate) fn find<'f, M>(
 where
     M: Method<f64, PreparedScene<'f>>,
 {
-    let approach = way.approach(marks, told, backward).ok_or(NOT_THERE)?;
+    Branch::lengthen(&**way.scene, marks, &mut way.lengths);
+    let approach = way.approach(marks, told).ok_or(NOT_THERE)?;
+    if !approach.is_settled {
+        return Err(TOUCHING);
+    }
     let first = marks.first().ok_or(NOT_THERE)?.0;
     let room = 0.9 * (approach.t - first).abs();
     let longest = (OPENING / approach.rate).min(room);
@@ -129,7 +144,7 @@ where
     if attempt.error > tolerated {
         return Err(NOT_SMOOTH);
     }
-    way.hold(marks, attempt, tolerated)
+    way.hold(attempt, tolerated)
 }
 
 /// What the way to a singular position tells of it.
@@ -137,6 +152,8 @@ struct Approach {
     t: f64,
     /// Of the least singular value, by the time.
     rate: f64,
+    /// Whether the value falls as the distance in time.
+    is_settled: bool,
 }
 
 /// A path through a singular position.
@@ -164,41 +181,67 @@ impl<'f, M: Method<f64, PreparedScene<'f>>> Way<'_, 'f, M> {
         Some(solver.state().0.clone())
     }
 
-    /// Follows the least singular value to where it vanishes, by secants.
-    fn approach(&mut self, marks: &[Point], told: f64, backward: bool) -> Option<Approach> {
-        let sign = if backward { -1.0 } else { 1.0 };
+    /// Where the least singular value vanishes first, about the time `told` or before.
+    fn approach(&mut self, marks: &[Point], told: f64) -> Option<Approach> {
+        let dynamics: &dyn Dynamics = &**self.scene;
         let last = marks.last()?;
-        let branch = Branch::through(&**self.scene, (last.0, &last.1), marks)?;
+        let branch = Branch::through(dynamics, (last.0, &last.1), &self.lengths)?;
         // Far enough from the position that the state has all its digits.
         let is_far = |(t, y): &&Point| branch.distance(*t, y) >= OPENING / 4.0;
-        let (mut t, mut y) = marks.iter().rev().find(is_far).or(marks.first())?.clone();
+        let mut way = vec![marks.iter().rev().find(is_far).or(marks.first())?.clone()];
+        let part = (told - way[0].0) / f64::from(PARTS);
+        for k in 1..=PARTS {
+            let next = way[0].0 + part * f64::from(k);
+            let Some((t, y)) = way.last() else { break };
+            let Some(state) = self.go((*t, y), next) else { break };
+            way.push((next, state));
+        }
+        Branch::lengthen(dynamics, &way, &mut self.lengths);
+        let branch = Branch::through(dynamics, (last.0, &last.1), &self.lengths)?;
+        let distances: Vec<f64> = way.iter().map(|(t, y)| branch.distance(*t, y)).collect();
+        for (k, point) in way.into_iter().enumerate() {
+            let rises = distances.get(k + 1).is_some_and(|next| *next >= distances[k]);
+            let found = if rises { None } else { self.fall(&branch, point, (part, told)) };
+            if found.is_some() {
+                return found;
+            }
+        }
+        None
+    }
+
+    /// Follows the least singular value down to zero, by secants.
+    fn fall(
+        &mut self,
+        branch: &Branch<'_>,
+        (mut t, mut y): Point,
+        (part, told): (f64, f64),
+    ) -> Option<Approach> {
         let mut distance = branch.distance(t, &y);
-        let reach = (told - t).abs();
-        let mut step = reach / 16.0;
-        let mut expected = f64::NAN;
+        let (mut step, mut expected) = (part / 4.0, f64::NAN);
         for _ in 0..80 {
-            if step.is_nan() || step <= 1e-12 * reach {
+            if step.abs() <= 1e-9 * part.abs() {
                 return None;
             }
-            let next = t + sign * step;
+            let next = t + step;
             let found = self.go((t, &y), next).map(|state| (branch.distance(next, &state), state));
             let Some((smaller, state)) = found.filter(|(smaller, _)| *smaller < distance) else {
                 step /= 4.0;
                 continue;
             };
-            let rate = (distance - smaller) / step;
-            let left = smaller / rate;
-            if left > 1e3 * reach {
+            let rate = (distance - smaller) / step.abs();
+            let left = smaller / rate * step.signum();
+            let zero = next + left;
+            (t, y, distance) = (next, state, smaller);
+            // That of later ones is found from later states.
+            if (next - told) / part > BEYOND {
                 return None;
             }
-            let zero = next + sign * left;
-            (t, y, distance) = (next, state, smaller);
-            let is_settled = (zero - expected).abs() <= 0.05 * left && smaller < 2.0 * OPENING;
+            let is_settled = (zero - expected).abs() <= SETTLED * left.abs() && smaller < OPENING;
             if is_settled || smaller <= OPENING / 100.0 {
-                return Some(Approach { t: zero, rate });
+                return Some(Approach { t: zero, rate, is_settled });
             }
             expected = zero;
-            step = 0.5 * left;
+            step = 0.5 * left.abs().min(part.abs()).copysign(left);
         }
         None
     }
@@ -219,7 +262,8 @@ impl<'f, M: Method<f64, PreparedScene<'f>>> Way<'_, 'f, M> {
             let earliest = before(-2.0).map_or_else(|_| span.place(marks[0].0), |_| -2.0);
             let (t, y) = &marks[mark];
             let mut start = self.go((*t, y), span.time(-1.0)).ok_or(NOT_REACHED)?;
-            let branch = Branch::through(&**self.scene, (span.time(-1.0), &start), marks).ok_or(NOT_THERE)?;
+            let branch =
+                Branch::through(&**self.scene, (span.time(-1.0), &start), &self.lengths).ok_or(NOT_THERE)?;
             if !branch.meet(span.time(-1.0), &mut start) {
                 return Err(NOT_REACHED);
             }
@@ -236,10 +280,13 @@ impl<'f, M: Method<f64, PreparedScene<'f>>> Way<'_, 'f, M> {
             self.evaluations += finer.evaluations;
             let places = [-0.5, 0.0, 0.5, 1.0];
             let error = places.map(|x| difference(&finer.motion.at(x), &solved.motion.at(x)));
-            let error = error.into_iter().fold(finer.rates.tail() * half, f64::max);
+            // Off the branch rates have a pole, so that the path has to be on it.
+            let off = |(x, met): (&f64, &Vec<f64>)| difference(&finer.motion.at(*x), met);
+            let off = finer.nodes.places.iter().zip(&finer.states).map(off).fold(0.0, f64::max);
+            let error = error.into_iter().fold(off.max(finer.rates.tail() * half), f64::max);
             return Ok(Attempt { t, n_lost, mark, span, start, solved: finer, error });
         }
-        Err(NOT_THERE)
+        Err(NOT_SMOOTH)
     }
 
     /// The motion before a span, as polynomials that go on beyond.
@@ -263,10 +310,10 @@ impl<'f, M: Method<f64, PreparedScene<'f>>> Way<'_, 'f, M> {
     }
 
     /// Holds a path to the equations: between its nodes, behind its end by the method of the motion, and by the energy.
-    fn hold(&mut self, marks: &[Point], attempt: Attempt, tolerated: f64) -> Result<Crossing, Refusal> {
+    fn hold(&mut self, attempt: Attempt, tolerated: f64) -> Result<Crossing, Refusal> {
         let Attempt { t, n_lost, mark, span, start, solved, .. } = attempt;
         let dynamics: &dyn Dynamics = &**self.scene;
-        let branch = Branch::through(dynamics, (span.time(-1.0), &start), marks).ok_or(NOT_THERE)?;
+        let branch = Branch::through(dynamics, (span.time(-1.0), &start), &self.lengths).ok_or(NOT_THERE)?;
         let loose = LOOSER * tolerated;
         for x in [-1.0, -0.7, -0.4, 0.4, 0.7, 1.0] {
             let time = span.time(x);
@@ -304,21 +351,21 @@ impl<'f, M: Method<f64, PreparedScene<'f>>> Way<'_, 'f, M> {
     }
 }
 
-/// Where the least singular value, with a sign that changes in the middle, is zero: by the cubic through the four
-/// nodes there.
+/// Where the least singular value, with a sign that changes in the middle, is zero: by the
+/// polynomial through the six nodes there.
 fn zero_of(branch: &Branch<'_>, span: Span, solved: &Solved) -> Result<f64, Refusal> {
     let places = &solved.nodes.places;
     let after = places.partition_point(|x| *x < 0.0);
-    let around = &places[after - 2..after + 2];
+    let around = &places[after - 3..after + 3];
     let value =
-        |k: usize| around[k].signum() * branch.distance(span.time(around[k]), &solved.states[after - 2 + k]);
+        |k: usize| around[k].signum() * branch.distance(span.time(around[k]), &solved.states[after - 3 + k]);
     // Inverse interpolation: places by values.
-    let values: Vec<f64> = (0..4).map(value).collect();
+    let values: Vec<f64> = (0..6).map(value).collect();
     let term = |k: usize| {
-        let others = (0..4).filter(|j| *j != k);
+        let others = (0..6).filter(|j| *j != k);
         around[k] * others.map(|j| values[j] / (values[j] - values[k])).product::<f64>()
     };
-    let zero: f64 = (0..4).map(term).sum();
+    let zero: f64 = (0..6).map(term).sum();
     if zero.is_finite() { Ok(zero) } else { Err(NOT_THERE) }
 }
 
