@@ -54,17 +54,12 @@ impl Course<'_> {
         let (error, refusal, passed) = nothing;
         let mut reached = Reached { t, y, error, refusal, steps: 0, rejected: 0, rhs_evals: 0, passed };
         self.leg((scene, method), &mut reached, self.request.t_final, watcher)?;
-        let mut way = Way {
-            scene,
-            method,
-            options: self.options,
-            rtol: match self.request.steps {
-                Steps::Adaptive { rtol, .. } => Some(rtol),
-                Steps::Fixed { .. } => None,
-            },
-            evaluations: 0,
-            lengths: Vec::new(),
+        let (rtol, step) = match self.request.steps {
+            Steps::Adaptive { rtol, .. } => (Some(rtol), None),
+            Steps::Fixed { step } => (None, Some(step)),
         };
+        let mut way =
+            Way { scene, method, options: self.options, rtol, step, evaluations: 0, lengths: Vec::new() };
         while self.is_stopped(&reached, watcher) {
             let marks: Vec<Point> = watcher.marks.iter().map(|mark| (mark.t, mark.y.clone())).collect();
             let (lost_at, near_at) = (watcher.record.lost_at, watcher.record.near_at);

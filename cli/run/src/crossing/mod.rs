@@ -37,6 +37,9 @@ const BEYOND: f64 = 16.0;
 /// The least singular value at the ends of the first path that is tried, relative to what gradients are elsewhere.
 const OPENING: f64 = 0.2;
 
+/// Steps from one state that is looked at to the next, at most: next to the position they shrink without end.
+const MAX_STEPS: u64 = 500;
+
 /// Paths that are tried, each half as long as the one before.
 const MAX_PATHS: u32 = 9;
 
@@ -91,6 +94,8 @@ pub(crate) struct Way<'w, 'f, M> {
     pub(crate) options: Options<f64>,
     /// The relative tolerance; none for fixed steps.
     pub(crate) rtol: Option<f64>,
+    /// The fixed step, if there is one.
+    pub(crate) step: Option<f64>,
     /// Evaluations of the rates.
     pub(crate) evaluations: u64,
     /// The greatest lengths of gradients on the way.
@@ -174,7 +179,9 @@ impl<'f, M: Method<f64, PreparedScene<'f>>> Way<'_, 'f, M> {
             return Some(y.to_vec());
         }
         let start = VecState(y.to_vec());
-        let mut solver = Integrator::new(self.scene, self.method, t, start, self.options).ok()?;
+        let n_fixed = self.step.map_or(0.0, |step| (to - t).abs() / step);
+        let options = self.options.with_max_steps(MAX_STEPS + n_fixed as u64);
+        let mut solver = Integrator::new(self.scene, self.method, t, start, options).ok()?;
         let reached = solver.integrate_to(to);
         self.evaluations += solver.stats().rhs_evals;
         reached.ok()?;
@@ -194,7 +201,11 @@ impl<'f, M: Method<f64, PreparedScene<'f>>> Way<'_, 'f, M> {
             let next = way[0].0 + part * f64::from(k);
             let Some((t, y)) = way.last() else { break };
             let Some(state) = self.go((*t, y), next) else { break };
+            let is_close = branch.distance(next, &state) < OPENING / 20.0;
             way.push((next, state));
+            if is_close {
+                break;
+            }
         }
         Branch::lengthen(dynamics, &way, &mut self.lengths);
         let branch = Branch::through(dynamics, (last.0, &last.1), &self.lengths)?;
