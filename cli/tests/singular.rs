@@ -1,4 +1,5 @@
-//! Motions into singular places, on the command line: poles, lost ranks, and places that only look singular.
+//! Motions into singular places, on the command line: poles, lost ranks of constraints on velocities, and places that
+//! only look singular. Those of equations between coordinates are in `folds`.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -42,87 +43,6 @@ fn a_quotient_that_has_a_value_is_passed() {
         ends.push(text.lines().find(|line| line.contains("x ")).map(str::to_owned));
     }
     assert!(ends[0].is_some(), "{ends:?}");
-}
-
-/// Both arms fold onto the base, where the equations of the loop depend on each other and the motion may go on as a
-/// parallelogram or crossed.
-const PARALLELOGRAM: &str = "model parallelogram {
-    param a = 0.3; param b = 1.0;
-    coordinate al in angle;
-    coordinate be, ga in angle by a*[cos(al), sin(al)] + b*[cos(be), sin(be)] - a*[cos(ga), sin(ga)] = [b, 0];
-    lagrangian = al_dot^2/2 + be_dot^2/2 + ga_dot^2;
-    multipliers;
-    initial al = 1; initial ga = 1; initial al_dot = 1;
-}";
-
-/// The same in an ensemble, by either form: trajectories that come to the place end there with the energy that they
-/// had, and the others arrive.
-#[test]
-fn no_trajectory_passes_a_loss_of_rank() {
-    let solved = PARALLELOGRAM.replace("multipliers;", "");
-    let noisy = PARALLELOGRAM.replace("multipliers;", "multipliers; noise W: 0*ga_dot;");
-    // Neither component of the equation is singular alone.
-    let turned = solved.replace("[b, 0]", "b*[0.6, 0.8]").replace(
-        "= 1; initial ga = 1;",
-        "= 1 + asin(0.8); initial be = asin(0.8); initial ga = 1 + asin(0.8);",
-    );
-    for (form, text, extra) in [
-        ("multipliers", PARALLELOGRAM, &["--rtol", "1e-9"][..]),
-        ("multipliers_by_rk4", PARALLELOGRAM, &["--method", "rk4", "--step", "0.01"]),
-        ("solved", &solved, &[]),
-        ("solved_by_gbs14", &solved, &["--method", "gbs14"]),
-        ("turned", &turned, &[]),
-        ("noisy", &noisy, &["--method", "rk4", "--step", "0.01"]),
-    ] {
-        let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
-        let [model, table] = ["hamel", "csv"].map(|end| folder.join(format!("rank_{form}.{end}")));
-        std::fs::write(&model, text).unwrap();
-        let output = Command::new(env!("CARGO_BIN_EXE_hamel"))
-            .env("HAMEL_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
-            .args(["ensemble", model.to_str().unwrap(), "--t-final", "6", "--sweep", "al_dot=0.3..1.1:9"])
-            .args(["-o", table.to_str().unwrap()])
-            .args(extra)
-            .output()
-            .unwrap();
-        let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        let table = std::fs::read_to_string(&table).unwrap_or_else(|e| panic!("{form}: {e}: {message}"));
-        let mut lines = table.lines();
-        let names: Vec<&str> = lines.next().unwrap().split(',').collect();
-        let at =
-            |name: &str| names.iter().position(|own| *own == name).unwrap_or_else(|| panic!("{names:?}"));
-        let (mut arrived, mut stopped) = (0, 0);
-        for line in lines {
-            let cells: Vec<&str> = line.split(',').collect();
-            let [rate, t, energy] =
-                ["al_dot(0)", "t", "energy"].map(|name| cells[at(name)].parse::<f64>().unwrap());
-            // From one radian to the fold at half a turn, at a constant rate.
-            let passes = 1.0 + 6.0 * rate > std::f64::consts::PI;
-            let is_told = !cells[at("error")].is_empty();
-            assert_eq!(is_told, passes, "{form}: {line}");
-            let changed = (energy - 1.5 * rate * rate).abs();
-            assert!(is_told || changed < 1e-6, "{form}: {line}");
-            assert!(t <= 6.0);
-            if is_told { stopped += 1 } else { arrived += 1 }
-        }
-        assert!(arrived > 0 && stopped > 0, "{form}: {table}");
-    }
-}
-
-#[test]
-fn multipliers_do_not_pass_a_loss_of_rank() {
-    let text = PARALLELOGRAM;
-    for method in [&["--method", "vern9"][..], &["--method", "gbs14"], &["--method", "rk4", "--step", "0.05"]]
-    {
-        let arguments = [&["--t-final", "20"], method].concat();
-        let (succeeds, output, message) = simulate("parallelogram.hamel", text, &arguments);
-        assert!(!succeeds, "{output}{message}");
-        assert!(message.contains("the constraints depend on each other"), "{message}");
-    }
-    // Steps that shrink next to that place may leave it along the other branch: the energy tells.
-    let (succeeds, output, message) =
-        simulate("parallelogram.hamel", text, &["--t-final", "9.9", "--method", "dop853"]);
-    let is_told = message.contains("the energy is conserved but moved");
-    assert!(!succeeds || is_told, "{output}{message}");
 }
 
 /// Nonholonomic constraints whose one-forms are one where `x` is zero, by every method; and two whose forms have

@@ -35,6 +35,13 @@ impl<'a> ConstraintRows<'a> {
         Some(ConstraintRows { interpreter, velocities })
     }
 
+    /// The residuals.
+    pub(super) fn residuals(&self, t: f64, y: &[f64]) -> Vec<f64> {
+        let state: Vec<Dual<f64>> = y.iter().copied().map(Dual::constant).collect();
+        let found = self.interpreter.output(Want::Constraint.name(), Dual::constant(t), &state);
+        found.unwrap_or_default().iter().map(|residual| residual.value).collect()
+    }
+
     /// A row for each residual, also of an equation between coordinates, whose row is zero. Components of the state
     /// that are no velocities have zeros.
     pub(super) fn at(&self, t: f64, y: &[f64]) -> Vec<VecState> {

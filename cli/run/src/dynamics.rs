@@ -17,7 +17,7 @@ use hamel_program::program::SeriesRoom;
 
 use super::info::Info;
 use super::machine::Wide;
-pub use super::state::{BadParams, VecState};
+pub use super::state::{BadParams, PositionEquations, VecState};
 
 /// A scene with parameter values, ready to be evaluated.
 ///
@@ -140,6 +140,12 @@ pub trait Dynamics: Send + Sync {
         Vec::new()
     }
 
+    /// The residuals of these constraints, in the order of the rows.
+    fn constraint_residuals(&self, t: f64, y: &[f64]) -> Vec<f64> {
+        let _ = (t, y);
+        Vec::new()
+    }
+
     /// Where the numbers of the discrete equations stand, where the scene has such equations.
     fn discrete(&self) -> Option<&DiscreteLayout> {
         None
@@ -178,17 +184,6 @@ pub trait Dynamics: Send + Sync {
 
     /// As [`System::pivots`].
     fn pivots(&self, t: f64, y: &[f64], visit: &mut dyn FnMut(Pivot<f64>));
-}
-
-/// How the equations between coordinates of a scene are solved.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PositionEquations<'a> {
-    /// Number of functions.
-    pub n_functions: usize,
-    /// As [`Positions::n_equations`].
-    pub n_equations: usize,
-    /// As [`Positions::moved`].
-    pub moved: &'a [usize],
 }
 
 /// A scene with parameter values on lanes, to be integrated; every lane has the bits of [`Dynamics`].

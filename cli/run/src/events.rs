@@ -10,11 +10,25 @@ use hamel_codegen::spec::EventDirection;
 use hamel_runtime::{Action, Direction, Observer};
 
 use super::dynamics::{Dynamics, VecState};
-use super::record::Record;
+use super::record::{Noted, Record};
 use super::saltation::Saltation;
 use super::simulation::{SimulateRequest, stopped_because};
 use super::watched::{EventRecord, Watched};
 use crate::error::Error;
+
+/// So many states that a motion can go back to are kept as they come.
+const MAX_MARKS: usize = 512;
+
+/// Their distance in time from one another then, relative to that from the present.
+const APART: f64 = 0.25;
+
+/// A state on the way that the motion can go back to, as none has been changed by an event since.
+pub(super) struct Mark {
+    pub(super) t: f64,
+    pub(super) y: Vec<f64>,
+    noted: Noted,
+    n_events: usize,
+}
 
 /// The events of one motion while it is integrated, with everything that is noted on the way.
 pub(super) struct Watcher<'r, 'a> {
@@ -35,6 +49,12 @@ pub(super) struct Watcher<'r, 'a> {
     pub(super) ended_by: Option<String>,
     /// What has gone wrong.
     pub(super) error: Option<Error>,
+    /// States to go back to where constraints become dependent, in the order of time; none where they cannot.
+    pub(super) marks: Vec<Mark>,
+    /// Changes of the state by events.
+    pub(super) n_changes: u64,
+    /// Whether somebody has called the motion off.
+    is_called_off: bool,
 }
 
 impl<'r, 'a> Watcher<'r, 'a> {
@@ -75,7 +95,7 @@ impl<'r, 'a> Watcher<'r, 'a> {
         }
         let (log, ended_by, error) = (Vec::new(), None, None);
         let n_own = request.initial.len() / (along.len() + 1);
-        Ok(Watcher {
+        let mut watcher = Watcher {
             record,
             dynamics,
             n_own,
@@ -87,7 +107,55 @@ impl<'r, 'a> Watcher<'r, 'a> {
             log,
             ended_by,
             error,
-        })
+            marks: Vec::new(),
+            n_changes: 0,
+            is_called_off: false,
+        };
+        watcher.mark(0.0, &request.initial);
+        Ok(watcher)
+    }
+
+    /// Notes a state to go back to; of many, those long ago are kept farther apart.
+    fn mark(&mut self, t: f64, y: &[f64]) {
+        if !self.record.may_lose_rank() {
+            return;
+        }
+        if self.marks.len() >= MAX_MARKS {
+            let mut kept = None;
+            self.marks.retain(|mark| {
+                let is_apart =
+                    kept.is_none_or(|last: f64| (mark.t - last).abs() >= APART * (t - mark.t).abs());
+                if is_apart {
+                    kept = Some(mark.t);
+                }
+                is_apart
+            });
+        }
+        let (noted, n_events) = (self.record.noted(), self.log.len());
+        self.marks.push(Mark { t, y: y.to_vec(), noted, n_events });
+    }
+
+    /// Goes back to one of the marks: its time and state.
+    pub(super) fn rewind(&mut self, mark: usize) -> (f64, Vec<f64>) {
+        self.marks.truncate(mark + 1);
+        let Mark { t, ref y, noted, n_events } = self.marks[mark];
+        let y = y.clone();
+        self.record.rewind(t, &y, noted);
+        self.log.truncate(n_events);
+        (self.error, self.ended_by) = (None, None);
+        (t, y)
+    }
+
+    /// Goes on from a state, with nothing to go back to before it.
+    pub(super) fn begin_again(&mut self, t: f64, y: &[f64]) {
+        self.record.begin_again(t, y);
+        self.marks.clear();
+        self.mark(t, y);
+    }
+
+    /// Whether the motion has come to an end before its time.
+    pub(super) fn is_over(&self) -> bool {
+        self.error.is_some() || self.ended_by.is_some() || self.is_called_off
     }
 
     /// What evaluates the events, with the inputs of a time.
@@ -146,7 +214,12 @@ impl<'r, 'a> Watcher<'r, 'a> {
         }
         match self.record.restart(t, &before, &z[..n])? {
             Some(reason) => stopped(reason),
-            None => Ok(()),
+            None => {
+                self.n_changes += 1;
+                self.marks.clear();
+                self.mark(t, z);
+                Ok(())
+            }
         }
     }
 
@@ -175,7 +248,14 @@ impl<const K: usize> Observer<f64, VecState, K> for Watcher<'_, '_> {
     fn step(&mut self, t: f64, state: &VecState) -> ControlFlow<()> {
         let outcome = self.record.step(t, &state.0);
         let told = (self.progress)(t);
+        self.is_called_off |= told.is_break();
         self.keep(outcome)?;
+        if self.record.path.is_none() {
+            self.mark(t, &state.0);
+        }
+        if self.record.near_at.is_some() {
+            return ControlFlow::Break(());
+        }
         told
     }
 
@@ -210,11 +290,18 @@ impl<const K: usize> Observer<f64, VecState, K> for Watcher<'_, '_> {
             }
         }
         if event.stops {
+            // A state that is set was looked at before.
+            let outcome = if changes { Ok(()) } else { self.record.keeps_rank(t, &state.0[..self.n_own]) };
+            if self.keep(outcome).is_break() {
+                return Action::Stop;
+            }
             self.ended_by = Some(event.name.clone());
         }
         match (changes, self.ended_by.is_some()) {
             (false, false) => Action::Continue,
             (false, true) => Action::Stop,
+            // A path through a singular position ends with a change of the state.
+            (true, false) if self.record.path.is_some() => Action::ChangeAndStop,
             (true, false) => Action::Restart,
             (true, true) => Action::ChangeAndStop,
         }

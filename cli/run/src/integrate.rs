@@ -8,6 +8,7 @@ use hamel_runtime::{Error as SolverError, Integrator};
 
 use super::admissible;
 use super::auto::Purpose;
+use super::crossing::{NOT_THERE, Refusal};
 use super::dynamics::{Factory, PreparedScene, VecState};
 use super::evaluate::{describe, prepare, refused, why_stopped};
 use super::events::Watcher;
@@ -15,11 +16,11 @@ use super::info::Info;
 use super::length::method_of_long;
 use super::method::{MethodName, Steps};
 use super::noise;
+use super::passing::Course;
 use super::record::Record;
 use super::sensitivity::Along;
 use super::simulation::{Sample, SimulateRequest, SimulateResponse, stopped_because};
 use super::solver::method_of;
-use super::watched::MAX_EVENTS;
 use crate::error::Error;
 use crate::interrupts;
 
@@ -139,47 +140,40 @@ pub(super) fn followed(
         other => Error::Options { reason: other.to_string() },
     };
     let clock = std::time::Instant::now();
-    let initial = VecState(request.initial.clone());
-    let mut solver = Integrator::new(dynamics, method, 0.0, initial, options).map_err(start)?;
+    Integrator::new(dynamics, method, 0.0, VecState(request.initial.clone()), options).map_err(start)?;
     let record = Record::new(&**dynamics, request)?;
     let mut watcher = Watcher::new(&**dynamics, request, (record, progress))?;
-    let times = times.iter().copied();
-    let t_final = request.t_final;
-    let reached = match request.watched {
-        None => solver.observe::<0>(t_final, times, [], &mut watcher),
-        Some(_) => {
-            let directions = watcher.directions();
-            solver.observe::<MAX_EVENTS>(t_final, times, directions, &mut watcher)
-        }
-    };
+    let course = Course { request, times, options };
+    let reached = course.follow((dynamics, method), &mut watcher).map_err(start)?;
     let Watcher { record, log, ended_by, error, .. } = watcher;
-    let (samples, steps) = (record.samples, solver.stats().steps);
+    let (samples, steps) = (record.samples, reached.steps);
     if let Some(error) = error {
+        let error = not_passed(error, reached.refusal);
         return Err(Box::new(Unfinished { error, samples, steps }));
     }
-    if let Err(error) = reached {
-        let (t, y) = (solver.t(), &solver.state().0);
+    if let Some(error) = reached.error {
+        let (t, y) = (reached.t, &reached.y);
         let (SolverError::EventNotFinite { index, .. } | SolverError::EventsAccumulate { index, .. }) = error
         else {
-            return Err(Box::new(Unfinished { error: stopped(info, t, y, &error), samples, steps }));
+            let error = not_passed(stopped(info, t, y, &error), reached.refusal);
+            return Err(Box::new(Unfinished { error, samples, steps }));
         };
         let event = request.watched.as_ref().and_then(|watched| watched.name(index));
         let reason = format!("event {}: {}", event.unwrap_or_default(), why_stopped(info, &error));
         return Err(Box::new(Unfinished { error: stopped_because(info, t, y, reason), samples, steps }));
     }
-    let last = solver.state().0.clone();
-    let stats = solver.stats();
     let energy_drift = record.initial_energy.map(|_| (record.deviation / record.scale).min(f64::MAX));
     Ok(SimulateResponse {
-        t: solver.t(),
-        last,
+        t: reached.t,
+        last: reached.y,
         along: Vec::new(),
-        steps: stats.steps,
-        rejected: stats.rejected,
-        rhs_evals: stats.rhs_evals,
+        steps: reached.steps,
+        rejected: reached.rejected,
+        rhs_evals: reached.rhs_evals,
         energy_drift,
         events: request.watched.is_some().then_some(log),
         ended_by,
+        singular_positions: reached.passed,
         warnings: drift_warning(info, request.steps, energy_drift).into_iter().collect(),
         initial_energy: record.initial_energy,
         energy_scale: record.scale,
@@ -189,6 +183,17 @@ pub(super) fn followed(
         samples,
         seconds: clock.elapsed().as_secs_f64(),
     })
+}
+
+/// An error that names why a singular position was not passed, where there is one.
+fn not_passed(error: Error, refusal: Option<Refusal>) -> Error {
+    match (error, refusal) {
+        (Error::Stopped { t, state, reason }, Some(refusal)) if refusal != NOT_THERE => {
+            let reason = format!("{reason}; the singular position is not passed: {refusal}");
+            Error::Stopped { t, state, reason }
+        }
+        (error, _) => error,
+    }
 }
 
 /// Whether there is anything to integrate.

@@ -396,6 +396,14 @@ impl<'a> Interpreted<'a> {
         self.positions.get_or_init(prepare).as_ref()
     }
 
+    fn with_residuals(&self) -> Option<&ConstraintRows<'a>> {
+        let find = || {
+            let known = (self.built.residual_scene()?, &self.built.info);
+            ConstraintRows::new(known, &self.built.model, &self.params)
+        };
+        self.constraint_rows.get_or_init(find).as_ref()
+    }
+
     /// The same parameters on every lane, where the scene is compiled.
     fn on_lanes(&self) -> Option<&OnLanes<'a>> {
         let prepare = || {
@@ -554,11 +562,11 @@ impl Dynamics for Interpreted<'_> {
     }
 
     fn constraint_rows(&self, t: f64, y: &[f64]) -> Vec<VecState> {
-        let find = || {
-            let known = (self.built.residual_scene()?, &self.built.info);
-            ConstraintRows::new(known, &self.built.model, &self.params)
-        };
-        self.constraint_rows.get_or_init(find).as_ref().map_or_else(Vec::new, |rows| rows.at(t, y))
+        self.with_residuals().map_or_else(Vec::new, |rows| rows.at(t, y))
+    }
+
+    fn constraint_residuals(&self, t: f64, y: &[f64]) -> Vec<f64> {
+        self.with_residuals().map_or_else(Vec::new, |rows| rows.residuals(t, y))
     }
 
     fn discrete(&self) -> Option<&DiscreteLayout> {

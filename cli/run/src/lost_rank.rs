@@ -4,17 +4,19 @@
 //! With gradients `G(q)`, of constraints by velocities, the determinants of the largest minors of `G` are a vector `n`,
 //! and by Cauchy and Binet `n(a) . n(b) = det G(a) G(b)^T`. Along a smooth path `n` turns as the gradients do; where
 //! they become dependent and independent again it goes through zero, and its direction jumps: to the opposite one, or
-//! to that of another branch. A factor that all entries of a row share turns it round and loses nothing: accelerations
+//! to that of another branch. Where two directions are lost at once, `n` keeps its own: with the factors `G = S Q` of
+//! positive definite `S` and orthonormal rows `Q`, `Q` turns these two round. A factor that all entries of a row share turns it round and loses nothing: accelerations
 //! are solved for without it.
 //!
 //! Does not know: how steps are made.
 //!
 //! # Source
-//! Gantmacher 1959, The theory of matrices, chapter I, section 2 (Binet and Cauchy).
+//! Gantmacher 1959, The theory of matrices, chapter I, section 2 (Binet and Cauchy), chapter IX, section 14 (`S Q`).
 
 use std::ops::ControlFlow;
 
 use hamel_runtime::{Action, Observer};
+use nalgebra::DMatrix;
 
 use super::dynamics::{Dynamics, VecState};
 use super::simulation::stopped_because;
@@ -49,6 +51,20 @@ const BESIDE: f64 = 1e-4;
 
 /// The cosine above which rows around a zero of one are in one direction, that of all but a factor.
 const PARALLEL: f64 = 0.9;
+
+/// A distance of a row from the span of others, in the greatest lengths of rows and relative to the greatest distance on
+/// the way, below which a motion comes near to a place where they are dependent.
+const NEAR: f64 = 0.05;
+
+/// Where rows change by less than this part of the distances at both ends, directions do not turn round: a singular
+/// value changes by no more than they do.
+const APART: f64 = 0.5;
+
+/// A place that was looked at in vain is one again when the distance is so much smaller.
+const NEARER: f64 = 0.25;
+
+/// So many steps like the last one before such a place, it is looked at.
+const STEPS_BEFORE: f64 = 2.0;
 
 /// What may become dependent.
 #[derive(Clone, Debug)]
@@ -86,6 +102,12 @@ pub(super) struct Rank {
     longest: Vec<f64>,
     /// Components of the state that rows depend on.
     moving: Vec<usize>,
+    /// The least distance of a row from the span of others, with its time.
+    nearness: Option<(f64, f64)>,
+    /// The greatest such distance on the way.
+    farthest: f64,
+    /// The distance at a place that was looked at in vain.
+    dismissed: f64,
 }
 
 impl Rank {
@@ -109,7 +131,8 @@ impl Rank {
             of.at(dynamics, t, &moved) != there
         };
         let moving = (0..y.len()).filter(depend).collect();
-        Some(Rank { of, t, y: y.to_vec(), rows, longest, moving })
+        let (y, nearness, farthest, dismissed) = (y.to_vec(), None, 0.0, f64::INFINITY);
+        Some(Rank { of, t, y, rows, longest, moving, nearness, farthest, dismissed })
     }
 
     /// Whether a motion of a scene may lose a rank, whatever its start is.
@@ -136,6 +159,27 @@ impl Rank {
         self.t = t;
         self.y.copy_from_slice(y);
         self.rows = self.of.at(dynamics, t, y);
+        self.nearness = None;
+    }
+
+    /// About when the rank is lost, where the last step has come near to such a place.
+    pub(super) fn nears(&mut self) -> Option<f64> {
+        let distance = least_distance(&self.rows, &self.longest);
+        let (t, last) = (self.t, self.nearness.replace((self.t, distance)));
+        self.farthest = self.farthest.max(distance);
+        if distance > self.dismissed / NEARER {
+            self.dismissed = f64::INFINITY;
+        }
+        let (t_last, larger) = last?;
+        let is_near = distance < NEAR * self.farthest && distance < NEARER * self.dismissed;
+        let left = distance * (t - t_last) / (larger - distance);
+        let comes_next = distance < larger && left.abs() <= STEPS_BEFORE * (t - t_last).abs();
+        (is_near && comes_next).then_some(t + left)
+    }
+
+    /// Says that the place that was come near to is none.
+    pub(super) fn dismiss(&mut self) {
+        self.dismissed = self.nearness.map_or(f64::INFINITY, |(_, distance)| distance);
     }
 
     /// Whether the rank is lost on the way to a state, or there; the next step begins from it.
@@ -341,10 +385,43 @@ fn affine_constraints(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> Vec<usize> 
     (0..rows.len()).filter(|k| reads(&rows[*k])).filter(is_affine).collect()
 }
 
-/// Whether the direction at one state is far from that at another one.
+/// Whether the direction at one state is far from that at another one, or two directions of rows are turned round.
 fn is_turned(a: &[VecState], b: &[VecState]) -> bool {
     let [along, own, other] = [(a, b), (a, a), (b, b)].map(|(a, b)| product(a, b));
-    along < TURNED * (own * other).sqrt()
+    along < TURNED * (own * other).sqrt() || turns_rows_round(a, b)
+}
+
+/// Whether `Q(a) Q(b)^T` has a negative part.
+fn turns_rows_round(a: &[VecState], b: &[VecState]) -> bool {
+    let n = a.len();
+    if n < 2 {
+        return false;
+    }
+    let longest: Vec<f64> = a.iter().zip(b).map(|(a, b)| length(&a.0).max(length(&b.0))).collect();
+    let distances: f64 = [a, b].iter().map(|rows| least_distance(rows, &longest)).sum();
+    let change = a.iter().zip(b).zip(&longest).map(|((a, b), length)| {
+        let squares = a.0.iter().zip(&b.0).map(|(a, b)| ((b - a) / length).powi(2));
+        squares.sum::<f64>()
+    });
+    if change.sum::<f64>().sqrt() < APART * distances {
+        return false;
+    }
+    let orthonormal = |rows: &[VecState]| {
+        let rows = DMatrix::from_fn(n, rows[0].0.len(), |i, j| rows[i].0[j] / longest[i]);
+        let is_finite = rows.iter().all(|x| x.is_finite());
+        let parts = is_finite.then(|| rows.svd(true, true))?;
+        Some(parts.u? * parts.v_t?)
+    };
+    let (Some(a), Some(b)) = (orthonormal(a), orthonormal(b)) else { return false };
+    let turn = a * b.transpose();
+    let both = &turn + turn.transpose();
+    both.symmetric_eigenvalues().iter().any(|x| *x < 0.0)
+}
+
+/// The least distance of a row from the span of those before it, the farthest one first, in these lengths.
+fn least_distance(rows: &[VecState], lengths: &[f64]) -> f64 {
+    let scaled = rows.iter().zip(lengths).map(|(row, length)| row.0.iter().map(|x| x / length).collect());
+    successive(scaled.collect()).sqrt()
 }
 
 fn length(x: &[f64]) -> f64 {
@@ -362,6 +439,11 @@ fn distance(rows: &[VecState]) -> f64 {
         let own = length(row);
         left.push(row.iter().map(|x| x / own).collect());
     }
+    successive(left)
+}
+
+/// The square of the least distance of a row from the span of those before it, the farthest one first, and one at most.
+fn successive(mut left: Vec<Vec<f64>>) -> f64 {
     let mut least = 1.0_f64;
     while let Some(farthest) = (0..left.len()).max_by(|i, j| {
         let [a, b] = [i, j].map(|k| dot(&left[*k], &left[*k]));

@@ -228,6 +228,7 @@ fn run<S: Modes>(
             constraint_residual: None,
             events: None,
             ended_by: None,
+            singular_positions: Vec::new(),
             warnings: Vec::new(),
             seconds: clock.elapsed().as_secs_f64(),
         },

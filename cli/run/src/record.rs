@@ -4,6 +4,7 @@
 
 use hamel_codegen::spec::Want;
 
+use super::crossing::path::Path;
 use super::dynamics::Dynamics;
 use super::lost_rank::Rank;
 use super::simulation::{Sample, SimulateRequest, stopped_because};
@@ -45,6 +46,15 @@ pub fn energy_scale(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> f64 {
     if scale >= f64::MIN_POSITIVE { scale } else { 1.0 }
 }
 
+/// How much was noted up to a state.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Noted {
+    n_samples: usize,
+    level: Option<f64>,
+    deviation: f64,
+    residual: Option<f64>,
+}
+
 /// What is noted on the way.
 pub(super) struct Record<'a> {
     dynamics: &'a dyn Dynamics,
@@ -58,6 +68,14 @@ pub(super) struct Record<'a> {
     constraint: Option<std::ops::Range<usize>>,
     /// Of the equations between coordinates, and of constraints that multipliers keep.
     rank: Option<Rank>,
+    /// When they were found to depend on each other.
+    pub(super) lost_at: Option<f64>,
+    /// About when they are so where the motion has come near to such a place, and stopped to look at it.
+    pub(super) near_at: Option<f64>,
+    /// Whether the motion stops there.
+    pub(super) looks: bool,
+    /// What the motion is on while it passes a singular position.
+    pub(super) path: Option<Path>,
     pub(super) initial_residual: Option<f64>,
     pub(super) residual: Option<f64>,
     pub(super) energy_at_steps: Vec<(f64, f64)>,
@@ -85,6 +103,10 @@ impl<'a> Record<'a> {
             deviation: 0.0,
             constraint,
             rank: Rank::new(dynamics, 0.0, y),
+            lost_at: None,
+            near_at: None,
+            looks: true,
+            path: None,
             initial_residual: None,
             residual: None,
             energy_at_steps: Vec::new(),
@@ -107,27 +129,76 @@ impl<'a> Record<'a> {
     /// What is not finite; equations between coordinates that depend on each other on the way.
     pub(super) fn step(&mut self, t: f64, y: &[f64]) -> Result<(), Error> {
         self.residual_at(t, y)?;
-        let dynamics = self.dynamics;
-        if let Some(rank) = &mut self.rank
-            && rank.is_lost(dynamics, t, y)
-        {
-            return Err(rank.lost(dynamics, t, y));
-        }
+        self.keeps_rank(t, y)?;
         let energy = self.energy(t, y)?;
         self.keep(t, energy);
         Ok(())
     }
 
+    /// Looks whether equations that may become dependent are independent on the way to a state.
+    ///
+    /// # Errors
+    /// That they are not.
+    pub(super) fn keeps_rank(&mut self, t: f64, y: &[f64]) -> Result<(), Error> {
+        let dynamics = self.dynamics;
+        let Some(rank) = self.rank.as_mut().filter(|_| self.path.is_none()) else { return Ok(()) };
+        if !rank.is_lost(dynamics, t, y) {
+            self.near_at = rank.nears().filter(|_| self.looks);
+            return Ok(());
+        }
+        self.lost_at = Some(t);
+        Err(rank.lost(dynamics, t, y))
+    }
+
+    /// Goes on from a state next to which there is no place where they become dependent.
+    pub(super) fn dismiss(&mut self) {
+        self.near_at = None;
+        if let Some(rank) = &mut self.rank {
+            rank.dismiss();
+        }
+    }
+
+    /// Whether they may become dependent.
+    pub(super) fn may_lose_rank(&self) -> bool {
+        self.rank.is_some()
+    }
+
+    /// Forgets what was noted after a time.
+    pub(super) fn rewind(&mut self, t: f64, y: &[f64], noted: Noted) {
+        let is_before = |time: f64| time.abs() <= t.abs();
+        (self.lost_at, self.near_at) = (None, None);
+        self.samples.truncate(noted.n_samples);
+        self.energy_at_steps.retain(|(time, _)| is_before(*time));
+        (self.level, self.deviation, self.residual) = (noted.level, noted.deviation, noted.residual);
+        self.begin_again(t, y);
+    }
+
+    /// Goes on from a state with constraints that are independent.
+    pub(super) fn begin_again(&mut self, t: f64, y: &[f64]) {
+        if let Some(rank) = &mut self.rank {
+            rank.restart(self.dynamics, t, y);
+        }
+    }
+
+    /// What there is to go back to.
+    pub(super) fn noted(&self) -> Noted {
+        Noted {
+            n_samples: self.samples.len(),
+            level: self.level,
+            deviation: self.deviation,
+            residual: self.residual,
+        }
+    }
+
     /// Goes on after an event that has changed the state; what it has done wrong, if it has violated a constraint.
     pub(super) fn restart(&mut self, t: f64, before: &[f64], after: &[f64]) -> Result<Option<String>, Error> {
+        self.keeps_rank(t, before)?;
         let energy = self.dynamics.energy(t, after);
         if energy.is_some_and(|energy| !energy.is_finite()) {
             return Err(self.not_finite(t, after, "the energy after an event"));
         }
         self.level = energy;
-        if let Some(rank) = &mut self.rank {
-            rank.restart(self.dynamics, t, after);
-        }
+        self.begin_again(t, after);
         let Some(range) = self.constraint.clone() else { return Ok(None) };
         let largest = |y: &[f64]| {
             self.dynamics.outputs(t, y)[range.clone()].iter().fold(0.0_f64, |max, x| max.max(x.abs()))
@@ -162,7 +233,8 @@ impl<'a> Record<'a> {
 
     /// Notes the energy at a point and returns it.
     fn energy(&mut self, t: f64, y: &[f64]) -> Result<Option<f64>, Error> {
-        let (Some(energy), Some(initial)) = (self.dynamics.energy(t, y), self.level) else {
+        let own = self.path.as_ref().map_or_else(|| self.dynamics.energy(t, y), |path| path.energy(t));
+        let (Some(energy), Some(initial)) = (own, self.level) else {
             return Ok(None);
         };
         if !energy.is_finite() {
@@ -180,7 +252,7 @@ impl<'a> Record<'a> {
         let energy = self.energy(t, y)?;
         let mut outputs = Vec::new();
         if self.with_outputs || self.constraint.is_some() {
-            outputs = self.dynamics.outputs(t, y);
+            outputs = self.outputs(t, y);
             self.note_residual(t, y, &outputs)?;
         }
         if !self.with_outputs {
@@ -193,11 +265,18 @@ impl<'a> Record<'a> {
         Ok(())
     }
 
+    fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64> {
+        match &self.path {
+            Some(path) => path.outputs(self.dynamics, t, y),
+            None => self.dynamics.outputs(t, y),
+        }
+    }
+
     fn residual_at(&mut self, t: f64, y: &[f64]) -> Result<(), Error> {
         if self.constraint.is_none() {
             return Ok(());
         }
-        let outputs = self.dynamics.outputs(t, y);
+        let outputs = self.outputs(t, y);
         self.note_residual(t, y, &outputs)
     }
 

@@ -97,10 +97,39 @@ pub struct SimulateResponse {
     pub events: Option<Vec<EventRecord>>,
     /// The event that has ended the motion.
     pub ended_by: Option<String>,
+    /// Singular positions that the motion has passed, in the order of time.
+    #[serde(default)]
+    pub singular_positions: Vec<SingularPosition>,
     /// What there is to know about the result besides: that the energy moved though it is conserved.
     pub warnings: Vec<String>,
     /// Seconds that the integration took.
     pub seconds: f64,
+}
+
+/// A position where equations between coordinates depend on each other, which a motion has passed on the branch on which
+/// its positions and velocities are smooth.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SingularPosition {
+    /// Time.
+    pub t: f64,
+    /// How many more equations there are than independent ones.
+    pub n_lost: usize,
+}
+
+impl SingularPosition {
+    /// Those that a motion has passed, in words; none where there are none.
+    pub fn told(passed: &[SingularPosition]) -> Option<String> {
+        let last = passed.last()?.t;
+        let n = passed.len();
+        let (positions, last) = match n {
+            1 => ("position", format!("at t = {last:.6}")),
+            _ => ("positions", format!("the last at t = {last:.6}")),
+        };
+        Some(format!(
+            "{n} {positions} passed, {last}, where equations depend on each other: the motion goes on along the branch \
+             on which it is smooth"
+        ))
+    }
 }
 
 /// Memory that the samples of one run may take, in bytes: what a small machine has.

@@ -54,3 +54,14 @@ impl<R: Real> SquareStorage<R> for VecState<R> {
         vec![0; self.0.len()]
     }
 }
+
+/// How the equations between coordinates of a scene are solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PositionEquations<'a> {
+    /// Number of functions.
+    pub n_functions: usize,
+    /// As [`hamel_runtime::Positions::n_equations`].
+    pub n_equations: usize,
+    /// As [`hamel_runtime::Positions::moved`].
+    pub moved: &'a [usize],
+}

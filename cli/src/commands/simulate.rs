@@ -39,7 +39,7 @@ use hamel_run::request::json::by_name;
 use hamel_run::request::simulate::Completion;
 use hamel_run::request::{read_request, sizes};
 use hamel_run::session::Session;
-use hamel_run::simulation::{MAX_EVENTS, SimulateRequest, SimulateResponse};
+use hamel_run::simulation::{MAX_EVENTS, SimulateRequest, SimulateResponse, SingularPosition};
 use hamel_run::start::{Starts, judge};
 use hamel_run::streams::{note, print};
 use hamel_run::watched::{EventRecord, Watched};
@@ -654,6 +654,9 @@ fn summary(
     }
     if let Some(events) = &response.events {
         let _ = write!(text, "\n  {}", told(events));
+    }
+    if let Some(line) = SingularPosition::told(&response.singular_positions) {
+        let _ = write!(text, "\n  singular   {line}");
     }
     if let Some(event) = &response.ended_by {
         let _ = write!(text, "\n  ended by event {event}");

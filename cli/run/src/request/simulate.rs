@@ -13,7 +13,9 @@ use crate::forms::Forms;
 use crate::info::Info;
 use crate::method::{MethodName, Steps};
 use crate::noise::{Noise, method_for};
-use crate::simulation::{MAX_EVENTS, Sample, SimulateRequest, SimulateResponse, samples_refusal};
+use crate::simulation::{
+    MAX_EVENTS, Sample, SimulateRequest, SimulateResponse, SingularPosition, samples_refusal,
+};
 use crate::watched::EventRecord;
 
 /// Largest number that a request can give exactly.
@@ -341,6 +343,9 @@ impl SimulateResponse {
     /// `{"t", "final", "samples", "steps", "rejected", "rhs_evals", "energy_drift", "constraint_residual",
     /// "initial_residual", "warnings"}`.
     ///
+    /// Singular positions that the motion has passed are added where there are some, as `"singular_positions"`:
+    /// `[{"t", "lost"}, ..]` with the number of equations that depend on the others.
+    ///
     /// With `n_group` coordinates of the group at the end of the state, `final` and `samples` have the components
     /// before them only, and `reconstruction` is added with the final values of these.
     pub fn to_json(&self, info: &Info, n_group: usize) -> Value {
@@ -371,6 +376,16 @@ impl SimulateResponse {
             if let Some(event) = &self.ended_by {
                 answer.insert("ended_by".into(), event.clone().into());
             }
+        }
+        if !self.singular_positions.is_empty() {
+            let position = |passed: &SingularPosition| {
+                let mut entry = Map::new();
+                entry.insert("t".into(), number(passed.t));
+                entry.insert("lost".into(), passed.n_lost.into());
+                Value::from(entry)
+            };
+            answer
+                .insert("singular_positions".into(), self.singular_positions.iter().map(position).collect());
         }
         if !self.along.is_empty() {
             let all = || info.state.iter().map(String::as_str);
