@@ -42,11 +42,17 @@ impl<'a> Rows<'a> {
     pub(crate) fn lanes(&self, first: usize, lanes: &mut [F64x8]) {
         match self {
             Rows::ByRow(all, width) => {
-                let n = lanes.len().min(*width);
-                let rows: [&[f64]; F64x8::LANES] =
-                    std::array::from_fn(|row| &all[(first + row) * width..][..n]);
-                for (k, lane) in lanes[..n].iter_mut().enumerate() {
-                    *lane = F64x8::new(rows.map(|row| row[k]));
+                let rows = &all[first * width..(first + F64x8::LANES) * width];
+                let (a, rest) = rows.split_at(*width);
+                let (b, rest) = rest.split_at(*width);
+                let (c, rest) = rest.split_at(*width);
+                let (d, rest) = rest.split_at(*width);
+                let (e, rest) = rest.split_at(*width);
+                let (f, rest) = rest.split_at(*width);
+                let (g, h) = rest.split_at(*width);
+                let halves = a.iter().zip(b).zip(c).zip(d).zip(e.iter().zip(f).zip(g).zip(h));
+                for (lane, ((((a, b), c), d), (((e, f), g), h))) in lanes.iter_mut().zip(halves) {
+                    *lane = F64x8::new([*a, *b, *c, *d, *e, *f, *g, *h]);
                 }
             }
             Rows::ByColumn(columns) => {
@@ -115,9 +121,17 @@ impl<'a> RowsMut<'a> {
         let mut is_finite = true;
         match self {
             RowsMut::ByRow(all, width) => {
-                let rows = all[first * *width..].chunks_exact_mut((*width).max(1)).take(F64x8::LANES);
-                for (lane, row) in rows.enumerate() {
-                    row.iter_mut().zip(lanes).for_each(|(x, lanes)| *x = lanes.lane(lane));
+                let rows = &mut all[first * *width..(first + F64x8::LANES) * *width];
+                let (a, rest) = rows.split_at_mut(*width);
+                let (b, rest) = rest.split_at_mut(*width);
+                let (c, rest) = rest.split_at_mut(*width);
+                let (d, rest) = rest.split_at_mut(*width);
+                let (e, rest) = rest.split_at_mut(*width);
+                let (f, rest) = rest.split_at_mut(*width);
+                let (g, h) = rest.split_at_mut(*width);
+                let halves = a.iter_mut().zip(b).zip(c).zip(d).zip(e.iter_mut().zip(f).zip(g).zip(h));
+                for (lane, ((((a, b), c), d), (((e, f), g), h))) in lanes.iter().zip(halves) {
+                    [*a, *b, *c, *d, *e, *f, *g, *h] = lane.to_array();
                 }
             }
             RowsMut::ByColumn(columns) => {

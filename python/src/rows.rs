@@ -29,6 +29,10 @@ pub(crate) fn other_shapes() -> PyErr {
     pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's")
 }
 
+/// Groups of eight rows that are read before the first of them is evaluated. A lane is written at a time, and a processor
+/// that reads all of them right afterwards waits.
+const AT_ONCE: usize = 8;
+
 /// The rates of all rows, eight at a time.
 pub(crate) fn rates(
     scene: &Prepared,
@@ -43,14 +47,21 @@ pub(crate) fn rates(
         return by_row(rows, out, n_rows, (n, n), |y, result| dynamics.rhs(t, y, result));
     };
     let zeros = VecState(vec![F64x8::splat(0.0); n]);
-    let (mut y, mut dy) = (zeros.clone(), zeros);
+    let mut groups = vec![(0, zeros.clone(), zeros); AT_ONCE];
     let on_lanes = F64x8::splat(t);
     let mut is_finite = true;
-    // The last eight have some rows of the eight before.
-    for first in (0..n_rows).step_by(F64x8::LANES).map(|first| first.min(n_rows - F64x8::LANES)) {
-        rows.lanes(first, &mut y.0);
-        lanes.rhs(on_lanes, &y, &mut dy);
-        is_finite &= out.set_lanes(first, &dy.0);
+    for first in (0..n_rows).step_by(AT_ONCE * F64x8::LANES) {
+        let n_groups = (n_rows - first).div_ceil(F64x8::LANES).min(AT_ONCE);
+        let groups = &mut groups[..n_groups];
+        for (k, (at, y, _)) in groups.iter_mut().enumerate() {
+            // The last eight have some rows of the eight before.
+            *at = (first + k * F64x8::LANES).min(n_rows - F64x8::LANES);
+            rows.lanes(*at, &mut y.0);
+        }
+        groups.iter_mut().for_each(|(_, y, dy)| lanes.rhs(on_lanes, y, dy));
+        for (at, _, dy) in groups {
+            is_finite &= out.set_lanes(*at, &dy.0);
+        }
     }
     is_finite
 }

@@ -408,7 +408,8 @@ mod tests {
                 let mut room = Room::default();
                 let (mut all, mut single) = ([START; N].concat(), [START; N].concat());
                 for k in 0..4 {
-                    let pushes: Vec<f64> = (0..N).map(|n| pushes[n % 4] * f64::from(k) + 0.01 * n as f64).collect();
+                    let pushes: Vec<f64> =
+                        (0..N).map(|n| pushes[n % 4] * f64::from(k) + 0.01 * n as f64).collect();
                     let t = 0.1 * f64::from(k);
                     stepper.step_all(&mut room, t, &pushes, &mut all).unwrap();
                     for (y, push) in single.chunks_mut(4).zip(pushes) {
