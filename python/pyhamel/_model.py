@@ -330,9 +330,9 @@ class Model:
         """Rates ``dy/dt = f(t, y)``, in the shape of ``y``, ``(.., n)``.
 
         ``u`` are inputs by name, for all states the same, as :meth:`with_inputs` takes them.
-        ``out`` is an array of this shape to write to; it may not overlap ``y``. States are evaluated four at a time in
+        ``out`` is an array of this shape to write to; it may not overlap ``y``. States are evaluated eight at a time in
         the registers of a core; each has the bits of a call on its own. Columns are faster than rows: an array in the
-        order of Fortran has the four numbers of a component side by side, and so has the result.
+        order of Fortran has the numbers of a component side by side, and so has the result.
 
         Raises :class:`InputError` where something has no finite value, with the states and the reasons.
         """

@@ -28,7 +28,7 @@ Inputs = Union[ArrayLike, Mapping[str, ArrayLike], None]
 class Stepper:
     """Moves states on by the time ``dt``, again and again, in storage that stays; :meth:`Model.stepper` makes it.
 
-    States are arrays ``(n,)`` or ``(N, n)``; of several, four are moved side by side with common steps, which keep the
+    States are arrays ``(n,)`` or ``(N, n)``; of several, eight are moved side by side with common steps, which keep the
     tolerances of each, and large arrays are shared out to threads. Results do not depend on how many there are.
     """
 

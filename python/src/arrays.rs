@@ -3,7 +3,7 @@
 //! Deliberately does not know: what is computed of a state.
 
 use hamel_run::Error;
-use hamel_runtime::F64x4;
+use hamel_runtime::F64x8;
 use numpy::ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
@@ -37,28 +37,33 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Four rows from `first` on, side by side.
+    /// Eight rows from `first` on, side by side.
     #[inline]
-    pub(crate) fn lanes(&self, first: usize, lanes: &mut [F64x4]) {
+    pub(crate) fn lanes(&self, first: usize, lanes: &mut [F64x8]) {
         match self {
             Rows::ByRow(all, width) => {
-                let rows = &all[first * width..(first + F64x4::LANES) * width];
+                let rows = &all[first * width..(first + F64x8::LANES) * width];
                 let (a, rest) = rows.split_at(*width);
                 let (b, rest) = rest.split_at(*width);
-                let (c, d) = rest.split_at(*width);
-                for ((((lane, a), b), c), d) in lanes.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-                    *lane = F64x4::new([*a, *b, *c, *d]);
+                let (c, rest) = rest.split_at(*width);
+                let (d, rest) = rest.split_at(*width);
+                let (e, rest) = rest.split_at(*width);
+                let (f, rest) = rest.split_at(*width);
+                let (g, h) = rest.split_at(*width);
+                let halves = a.iter().zip(b).zip(c).zip(d).zip(e.iter().zip(f).zip(g).zip(h));
+                for (lane, ((((a, b), c), d), (((e, f), g), h))) in lanes.iter_mut().zip(halves) {
+                    *lane = F64x8::new([*a, *b, *c, *d, *e, *f, *g, *h]);
                 }
             }
             Rows::ByColumn(columns) => {
                 for (lane, column) in lanes.iter_mut().zip(columns) {
-                    let four = &column[first..first + F64x4::LANES];
-                    *lane = F64x4::new([four[0], four[1], four[2], four[3]]);
+                    let (eight, _) = column[first..].as_chunks();
+                    *lane = F64x8::new(eight[0]);
                 }
             }
             Rows::Anyhow(array) => {
                 for (k, lane) in lanes.iter_mut().enumerate() {
-                    *lane = F64x4::new(std::array::from_fn(|row| array[[first + row, k]]));
+                    *lane = F64x8::new(std::array::from_fn(|row| array[[first + row, k]]));
                 }
             }
         }
@@ -109,24 +114,29 @@ impl<'a> RowsMut<'a> {
         RowsMut::ByColumn(columns)
     }
 
-    /// Writes four rows from `first` on; whether all numbers are finite.
+    /// Writes eight rows from `first` on; whether all numbers are finite.
     #[inline]
-    pub(crate) fn set_lanes(&mut self, first: usize, lanes: &[F64x4]) -> bool {
+    pub(crate) fn set_lanes(&mut self, first: usize, lanes: &[F64x8]) -> bool {
         const EXPONENT: u64 = 0x7ff << 52;
         let mut is_finite = true;
         match self {
             RowsMut::ByRow(all, width) => {
-                let rows = &mut all[first * *width..(first + F64x4::LANES) * *width];
+                let rows = &mut all[first * *width..(first + F64x8::LANES) * *width];
                 let (a, rest) = rows.split_at_mut(*width);
                 let (b, rest) = rest.split_at_mut(*width);
-                let (c, d) = rest.split_at_mut(*width);
-                for ((((lane, a), b), c), d) in lanes.iter().zip(a).zip(b).zip(c).zip(d) {
-                    [*a, *b, *c, *d] = lane.to_array();
+                let (c, rest) = rest.split_at_mut(*width);
+                let (d, rest) = rest.split_at_mut(*width);
+                let (e, rest) = rest.split_at_mut(*width);
+                let (f, rest) = rest.split_at_mut(*width);
+                let (g, h) = rest.split_at_mut(*width);
+                let halves = a.iter_mut().zip(b).zip(c).zip(d).zip(e.iter_mut().zip(f).zip(g).zip(h));
+                for (lane, ((((a, b), c), d), (((e, f), g), h))) in lanes.iter().zip(halves) {
+                    [*a, *b, *c, *d, *e, *f, *g, *h] = lane.to_array();
                 }
             }
             RowsMut::ByColumn(columns) => {
                 for (lane, column) in lanes.iter().zip(columns) {
-                    column[first..first + F64x4::LANES].copy_from_slice(&lane.to_array());
+                    column[first..first + F64x8::LANES].copy_from_slice(&lane.to_array());
                 }
             }
             RowsMut::Anyhow(array) => {
@@ -169,7 +179,7 @@ pub(crate) fn in_pieces<'a>(
 ) -> Result<bool, Error> {
     let n_rows = states.nrows();
     // A multiple of the lanes, though every lane has the bits of a single number.
-    let at_once = (PIECE / cost.max(1)).clamp(16, 1 << 16) as usize / F64x4::LANES * F64x4::LANES;
+    let at_once = (PIECE / cost.max(1)).clamp(16, 1 << 16) as usize / F64x8::LANES * F64x8::LANES;
     let on = |(states, out): Piece<'_>| {
         let n = states.nrows();
         work(&Rows::of(states), &mut RowsMut::of(out), n)

@@ -3,9 +3,11 @@
 //! Deliberately does not know: how a trajectory is integrated, how results look in Python.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::PathBuf;
+use std::time::Instant;
 
-use hamel::commands::ensemble::{Arguments, Lines, Subject, of_scene};
+use hamel::commands::ensemble::{Arguments, Lines, Subject, chunk_of, of_scene, path_of};
 use hamel::commands::options::{EndOptions, InputOptions, MotionOptions, NoiseOptions, SceneOptions};
 use hamel::output::trajectories::Statistic;
 use hamel_run::admissible;
@@ -119,9 +121,8 @@ pub(crate) fn integrate(
     let alike = starts.alike(&own.collect(), &BTreeMap::new(), names);
     let threads = pool(asked.threads)?;
     let n_params = info.params.len() + if of_inputs { info.inputs.len() } else { 0 };
-    let block = |first: usize| {
+    let block = |range: Range<usize>| {
         let mut members = Beginnings::none(n_params, info.state.len());
-        let range = first..values.nrows().min(first + BLOCK);
         let mut draw = |k: usize, (row, params, state): &mut Drawn| {
             let Some(alike) = alike.as_ref().filter(|_| !cancel.is_off()) else { return false };
             row.clear();
@@ -138,26 +139,41 @@ pub(crate) fn integrate(
         });
         members
     };
-    let blocks: Vec<usize> = (0..values.nrows()).step_by(BLOCK).collect();
-    let blocks: Vec<Beginnings> = threads.install(|| blocks.into_par_iter().map(block).collect());
-    let mut members = Beginnings::none(n_params, info.state.len());
-    blocks.into_iter().for_each(|block| members.append(block));
-    let request = EnsembleRequest {
-        members,
-        t_final: asked.t_final,
-        method: asked.method,
-        steps: asked.steps,
-        samples: asked.samples,
-        width: asked.width,
-        max_steps: asked.max_steps,
-        threads: asked.threads,
-        watched: built.watched().filter(|watched| watched.acts()),
-        noise: asked.noise,
-        progress: Progress { all: values.nrows(), ..Progress::default() },
-        cancel: cancel.clone(),
+    let beginnings = |chunk: Range<usize>| {
+        let blocks = chunk.clone().step_by(BLOCK).map(|first| first..chunk.end.min(first + BLOCK));
+        let blocks: Vec<Range<usize>> = blocks.collect();
+        let blocks: Vec<Beginnings> = threads.install(|| blocks.into_par_iter().map(block).collect());
+        let mut members = Beginnings::none(n_params, info.state.len());
+        blocks.into_iter().for_each(|block| members.append(block));
+        members
     };
-    let integrated = hamel_run::ensemble::integrate(built, &request)?;
-    Ok(side_by_side(info, asked, &request.members, &integrated))
+    let (n, clock) = (values.nrows(), Instant::now());
+    let mut all = Trajectories::with_room_for(n, info, asked);
+    // The same as the command's, in storage that one after the other takes.
+    let n_chunk = chunk_of(asked.samples.saturating_mul(info.state.len() + 2));
+    for first in (0..n.max(1)).step_by(n_chunk) {
+        let request = EnsembleRequest {
+            members: beginnings(first..n.min(first + n_chunk)),
+            t_final: asked.t_final,
+            method: asked.method,
+            steps: asked.steps,
+            samples: asked.samples,
+            width: asked.width,
+            max_steps: asked.max_steps,
+            threads: asked.threads,
+            watched: built.watched().filter(|watched| watched.acts()),
+            noise: Noise { path: asked.noise.path.saturating_add(path_of(first)?), ..asked.noise },
+            progress: Progress {
+                done: first,
+                all: n,
+                seconds: clock.elapsed().as_secs_f64(),
+                ..Progress::default()
+            },
+            cancel: cancel.clone(),
+        };
+        all.add(info, &request.members, &hamel_run::ensemble::integrate(built, &request)?);
+    }
+    Ok(all)
 }
 
 /// Starts of a block, which one thread chooses.
@@ -301,45 +317,52 @@ fn chosen(
     starts.choose(built, &set, &given)
 }
 
-fn side_by_side(info: &Info, asked: &Asked, members: &Beginnings, integrated: &Members) -> Trajectories {
-    let (n, n_params, samples) = (info.state.len(), info.params.len(), asked.samples);
-    let mut all = Trajectories {
-        times: (0..samples).map(|k| sample_time(asked.t_final, samples, k)).collect(),
-        states: Vec::with_capacity(members.len() * samples * n),
-        energies: Vec::with_capacity(members.len() * samples),
-        ends: Vec::with_capacity(members.len()),
-        last: Vec::with_capacity(members.len() * n),
-        steps: Vec::with_capacity(members.len()),
-        errors: Vec::with_capacity(members.len()),
-        params: Vec::with_capacity(members.len() * n_params),
-        initial: Vec::with_capacity(members.len() * n),
-    };
-    let nothing = |n: usize| std::iter::repeat_n(f64::NAN, n);
-    for (k, result) in integrated.iter().enumerate() {
-        let (params, initial) = members.member(k);
-        // Behind them are inputs.
-        all.params.extend(&params[..n_params]);
-        all.initial.extend(initial);
-        for at in 0..samples {
-            let sample = result.sample(at);
-            match sample {
-                Some(sample) => all.states.extend(sample.state),
-                None => all.states.extend(nothing(n)),
-            }
-            all.energies.push(sample.and_then(|sample| sample.energy).unwrap_or(f64::NAN));
+impl Trajectories {
+    fn with_room_for(n: usize, info: &Info, asked: &Asked) -> Trajectories {
+        let (n_state, samples) = (info.state.len(), asked.samples);
+        Trajectories {
+            times: (0..samples).map(|k| sample_time(asked.t_final, samples, k)).collect(),
+            states: Vec::with_capacity(n * samples * n_state),
+            energies: Vec::with_capacity(n * samples),
+            ends: Vec::with_capacity(n),
+            last: Vec::with_capacity(n * n_state),
+            steps: Vec::with_capacity(n),
+            errors: Vec::with_capacity(n),
+            params: Vec::with_capacity(n * info.params.len()),
+            initial: Vec::with_capacity(n * n_state),
         }
-        match result.last() {
-            Some(sample) => {
-                all.ends.push(sample.t);
-                all.last.extend(sample.state);
-            }
-            None => {
-                all.ends.push(if result.error().is_some() { 0.0 } else { asked.t_final });
-                all.last.extend(nothing(n));
-            }
-        }
-        all.steps.push(result.steps());
-        all.errors.push(result.error().map(str::to_owned));
     }
-    all
+
+    /// Adds what became of some.
+    fn add(&mut self, info: &Info, members: &Beginnings, integrated: &Members) {
+        let nothing = |n: usize| std::iter::repeat_n(f64::NAN, n);
+        let (n, n_params, n_samples) = (info.state.len(), info.params.len(), self.times.len());
+        let t_final = self.times.last().copied().unwrap_or_default();
+        for (k, result) in integrated.iter().enumerate() {
+            let (params, initial) = members.member(k);
+            // Behind them are inputs.
+            self.params.extend(&params[..n_params]);
+            self.initial.extend(initial);
+            for at in 0..n_samples {
+                let sample = result.sample(at);
+                match sample {
+                    Some(sample) => self.states.extend(sample.state),
+                    None => self.states.extend(nothing(n)),
+                }
+                self.energies.push(sample.and_then(|sample| sample.energy).unwrap_or(f64::NAN));
+            }
+            match result.last() {
+                Some(sample) => {
+                    self.ends.push(sample.t);
+                    self.last.extend(sample.state);
+                }
+                None => {
+                    self.ends.push(if result.error().is_some() { 0.0 } else { t_final });
+                    self.last.extend(nothing(n));
+                }
+            }
+            self.steps.push(result.steps());
+            self.errors.push(result.error().map(str::to_owned));
+        }
+    }
 }

@@ -14,6 +14,7 @@ mod functions;
 mod interrupts;
 mod motion;
 mod pool;
+mod prepared;
 mod robot;
 mod rows;
 mod scene;

@@ -5,11 +5,12 @@
 use hamel_run::dynamics::{Dynamics, VecState};
 use hamel_run::error::Error;
 use hamel_run::evaluate::{derivative, unusable_states};
-use hamel_runtime::F64x4;
+use hamel_runtime::F64x8;
 use numpy::ndarray::{ArrayView2, ArrayViewD, ArrayViewMut2, ArrayViewMutD, Ix2};
 use pyo3::prelude::*;
 
 use crate::arrays::{Rows, RowsMut};
+use crate::prepared::Prepared;
 
 /// An array of states or results with the last axis of each; more axes in front are one.
 pub(crate) fn two_axes(array: ArrayViewD<'_, f64>) -> PyResult<ArrayView2<'_, f64>> {
@@ -28,31 +29,38 @@ pub(crate) fn other_shapes() -> PyErr {
     pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's")
 }
 
-/// The rates of all rows, four at a time.
+/// Groups of eight rows that are read before the first of them is evaluated. A lane is written at a time, and a processor
+/// that reads all of them right afterwards waits.
+const AT_ONCE: usize = 8;
+
+/// The rates of all rows, eight at a time.
 pub(crate) fn rates(
-    dynamics: &dyn Dynamics,
+    scene: &Prepared,
     t: f64,
     rows: &Rows<'_>,
     out: &mut RowsMut<'_>,
     n_rows: usize,
     n: usize,
 ) -> bool {
-    let zeros = VecState(vec![F64x4::splat(0.0); n]);
-    let (mut y, mut dy) = (zeros.clone(), zeros);
-    let on_lanes = F64x4::splat(t);
+    let Some(lanes) = scene.eight().filter(|_| n_rows >= F64x8::LANES) else {
+        let dynamics = scene.one();
+        return by_row(rows, out, n_rows, (n, n), |y, result| dynamics.rhs(t, y, result));
+    };
+    let zeros = VecState(vec![F64x8::splat(0.0); n]);
+    let mut groups = vec![(0, zeros.clone(), zeros); AT_ONCE];
+    let on_lanes = F64x8::splat(t);
     let mut is_finite = true;
-    let n_whole = n_rows / F64x4::LANES * F64x4::LANES;
-    for first in (0..n_whole).step_by(F64x4::LANES) {
-        rows.lanes(first, &mut y.0);
-        dynamics.rhs_on_lanes(on_lanes, &y, &mut dy);
-        is_finite &= out.set_lanes(first, &dy.0);
-    }
-    if n_whole < n_rows {
-        let (mut y, mut dy) = (vec![0.0; n], vec![0.0; n]);
-        for k in n_whole..n_rows {
-            rows.row(k, &mut y);
-            dynamics.rhs(t, &y, &mut dy);
-            is_finite &= out.set_row(k, &dy);
+    for first in (0..n_rows).step_by(AT_ONCE * F64x8::LANES) {
+        let n_groups = (n_rows - first).div_ceil(F64x8::LANES).min(AT_ONCE);
+        let groups = &mut groups[..n_groups];
+        for (k, (at, y, _)) in groups.iter_mut().enumerate() {
+            // The last eight have some rows of the eight before.
+            *at = (first + k * F64x8::LANES).min(n_rows - F64x8::LANES);
+            rows.lanes(*at, &mut y.0);
+        }
+        groups.iter_mut().for_each(|(_, y, dy)| lanes.rhs(on_lanes, y, dy));
+        for (at, _, dy) in groups {
+            is_finite &= out.set_lanes(*at, &dy.0);
         }
     }
     is_finite

@@ -13,10 +13,10 @@ use hamel_codegen::spec::{self, ParamArray, Want};
 use hamel_expr::{Style, rational_to_f64};
 use hamel_run::cache::Cache;
 use hamel_run::choice::gives_way;
-use hamel_run::dynamics::{Dynamics, Factory as _, PreparedScene, VecState};
+use hamel_run::dynamics::{Dynamics, Factory as _, VecState};
 use hamel_run::equilibria::{self, Along, Asked};
 use hamel_run::error::Error;
-use hamel_run::evaluate::{derivative, prepare, unusable_states};
+use hamel_run::evaluate::{derivative, unusable_states};
 use hamel_run::forms::Forms;
 use hamel_run::info::{Info, ParamEntry};
 use hamel_run::inputs::{Between, InputTable};
@@ -24,27 +24,18 @@ use hamel_run::interpreted::{self, Built};
 use hamel_run::model::{self, Checked};
 use hamel_run::session::{Session, closed};
 use hamel_run::start::{Alike, Starts};
-use hamel_runtime::{Dual, F64x4};
+use hamel_runtime::{Dual, F64x8};
 use numpy::{PyArray2, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
-use self_cell::self_cell;
 
 use crate::arrays::{Rows, RowsMut, in_pieces};
 use crate::errors::{OrRaise as _, exception};
 use crate::functions;
+use crate::prepared::Prepared;
 use crate::rows::{
     by_row, check, other_shapes, rates, refuse, two_axes, two_axes_mut, two_axes_needed, write,
 };
 use crate::shipped::SHIPPED;
-
-self_cell!(
-    /// A scene and what borrows from it: the scene with values of its parameters.
-    pub(crate) struct Prepared {
-        owner: Arc<Built>,
-        #[covariant]
-        dependent: PreparedScene,
-    }
-);
 
 /// A scene of a model with values of its parameters.
 #[pyclass(frozen, module = "pyhamel._hamel")]
@@ -75,7 +66,7 @@ impl Scene {
         table: Option<Arc<InputTable>>,
         (file, text, budget): (String, String, u64),
     ) -> Result<Scene, Error> {
-        let prepared = Prepared::try_new(built, |built| prepare(&**built, &values))?;
+        let prepared = Prepared::with_values(built, &values)?;
         let complete = OnceLock::new();
         Ok(Scene { model, values, table, prepared, complete, file, text, budget })
     }
@@ -125,7 +116,7 @@ impl Scene {
     }
 
     fn dynamics(&self) -> &dyn Dynamics {
-        &**self.prepared.borrow_dependent()
+        self.prepared.one()
     }
 
     /// What a number of a scene costs; a call of the interpreter takes longer.
@@ -370,11 +361,11 @@ impl Scene {
         mut out: PyReadwriteArrayDyn<'_, f64>,
         threads: Option<bool>,
     ) -> PyResult<()> {
-        let (dynamics, n) = (self.dynamics(), self.info().state.len());
-        // Four at a time.
-        let cost = self.cost() / 2 + n as u64;
+        let n = self.info().state.len();
+        // Eight at a time.
+        let cost = self.cost() / 4 + n as u64;
         self.on_states(py, (&y, t), &mut out, (cost, threads), |rows, out, n_rows| {
-            rates(dynamics, t, rows, out, n_rows, n)
+            rates(&self.prepared, t, rows, out, n_rows, n)
         })
     }
 
@@ -659,29 +650,25 @@ impl Scene {
         let mut out = out.as_array_mut();
         let (n, n_rows) = (states.ncols(), states.nrows());
         let seconds = || {
-            let dynamics = self.dynamics();
-            let rows = Rows::of(states);
+            let (scene, rows) = (&self.prepared, Rows::of(states));
             // The first round fills the caches, here and below.
-            rates(dynamics, 0.0, &rows, &mut RowsMut::of(out.view_mut()), n_rows, n);
+            rates(scene, 0.0, &rows, &mut RowsMut::of(out.view_mut()), n_rows, n);
             let clock = std::time::Instant::now();
             for _ in 0..repeats {
-                rates(dynamics, 0.0, &rows, &mut RowsMut::of(out.view_mut()), n_rows, n);
+                rates(scene, 0.0, &rows, &mut RowsMut::of(out.view_mut()), n_rows, n);
             }
             let of_arrays = clock.elapsed().as_secs_f64();
-            let mut lanes = vec![VecState(vec![F64x4::splat(0.0); n]); n_rows / F64x4::LANES];
-            lanes.iter_mut().enumerate().for_each(|(k, lanes)| rows.lanes(k * F64x4::LANES, &mut lanes.0));
+            let Some(eight) = scene.eight() else { return [of_arrays, f64::NAN] };
+            let mut lanes = vec![VecState(vec![F64x8::splat(0.0); n]); n_rows / F64x8::LANES];
+            lanes.iter_mut().enumerate().for_each(|(k, lanes)| rows.lanes(k * F64x8::LANES, &mut lanes.0));
             let mut results = lanes.clone();
-            lanes
-                .iter()
-                .zip(&mut results)
-                .for_each(|(y, dy)| dynamics.rhs_on_lanes(F64x4::splat(0.0), y, dy));
-            let clock = std::time::Instant::now();
-            for _ in 0..repeats {
-                for (y, dy) in lanes.iter().zip(&mut results) {
-                    dynamics.rhs_on_lanes(F64x4::splat(0.0), y, dy);
-                }
+            let mut all = || {
+                lanes.iter().zip(&mut results).for_each(|(y, dy)| eight.rhs(F64x8::splat(0.0), y, dy));
                 std::hint::black_box(&mut results);
-            }
+            };
+            all();
+            let clock = std::time::Instant::now();
+            (0..repeats).for_each(|_| all());
             [of_arrays, clock.elapsed().as_secs_f64()]
         };
         Ok(py.detach(seconds))

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use hamel_run::error::Error;
 use hamel_run::interpreted::Built;
 use hamel_run::stepper::{Room, Stepper as Steps};
-use hamel_runtime::F64x4;
+use hamel_runtime::F64x8;
 use numpy::{PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use rayon::iter::{IndexedParallelIterator as _, IntoParallelRefMutIterator as _, ParallelIterator as _};
@@ -19,18 +19,10 @@ use crate::motion::Options;
 use crate::pool;
 use crate::scene::Scene;
 
-/// What moves states, and the storage of each piece of them.
+/// What moves states, and the storage of each piece of them, which one thread moves.
 struct Moving<'a> {
     steps: Steps<'a>,
-    pieces: Vec<Piece<'a>>,
-}
-
-/// Storage of states that one thread moves.
-#[derive(Default)]
-struct Piece<'a> {
-    room: Room<'a>,
-    state: Vec<F64x4>,
-    inputs: Vec<F64x4>,
+    pieces: Vec<Room<'a>>,
 }
 
 self_cell!(
@@ -47,55 +39,12 @@ pub(crate) struct Stepper {
     kept: Mutex<Kept>,
     n_state: usize,
     n_inputs: usize,
-    /// Groups of four that are work enough for a thread, some tens of microseconds.
+    /// Groups of eight that are work enough for a thread, some tens of microseconds.
     n_groups: usize,
 }
 
 /// A row that was not moved on, and why.
 type Stopped = (usize, Error);
-
-/// Rows in a piece, and values of inputs for each of them, or none.
-struct Rows<'a> {
-    first: usize,
-    states: &'a mut [f64],
-    inputs: Option<&'a [f64]>,
-    n_inputs: usize,
-}
-
-impl<'a> Piece<'a> {
-    /// Moves rows on, four at a time where the method has lanes; rows that stop keep their states.
-    fn step(&mut self, steps: &Steps<'a>, t: f64, n: usize, rows: Rows<'_>) -> Option<Stopped> {
-        let Rows { first, states, inputs, n_inputs } = rows;
-        let of = |k: usize| inputs.map_or(&[][..], |all| &all[k * n_inputs..(k + 1) * n_inputs]);
-        let mut stopped = None;
-        for (group, states) in states.chunks_mut(F64x4::LANES * n).enumerate() {
-            let (at, width) = (group * F64x4::LANES, states.len() / n);
-            // Lanes beyond the last row repeat it, so that a row alone has steps of its own.
-            if steps.has_lanes() {
-                let lane = |k: usize| k.min(width - 1);
-                self.state.clear();
-                self.state
-                    .extend((0..n).map(|c| F64x4::new(std::array::from_fn(|k| states[lane(k) * n + c]))));
-                self.inputs.clear();
-                let n_held = if inputs.is_some() { n_inputs } else { 0 };
-                self.inputs
-                    .extend((0..n_held).map(|c| F64x4::new(std::array::from_fn(|k| of(at + lane(k))[c]))));
-                if steps.step_lanes(&mut self.room, t, &self.inputs, &mut self.state) {
-                    for (k, row) in states.chunks_mut(n).enumerate() {
-                        row.iter_mut().zip(&self.state).for_each(|(y, lanes)| *y = lanes.lane(k));
-                    }
-                    continue;
-                }
-            }
-            for (k, row) in states.chunks_mut(n).enumerate() {
-                if let Err(error) = steps.step(&mut self.room, t, of(at + k), row) {
-                    stopped.get_or_insert((first + at + k, error));
-                }
-            }
-        }
-        stopped
-    }
-}
 
 #[pymethods]
 impl Stepper {
@@ -114,8 +63,8 @@ impl Stepper {
                 Ok(Moving { steps, pieces: Vec::new() })
             })?;
             let (n_state, n_inputs) = (scene.info().state.len(), scene.info().inputs.len());
-            // A step is some ten evaluations of four states.
-            let n_groups = (PIECE / (10 * scene.cost()).max(1)).clamp(4, 1 << 14) as usize;
+            // A step is some ten evaluations of eight states, which cost twice as much as one.
+            let n_groups = (PIECE / (20 * scene.cost()).max(1)).clamp(2, 1 << 13) as usize;
             Ok(Stepper { kept: Mutex::new(kept), n_state, n_inputs, n_groups })
         };
         py.detach(made).or_raise(py)
@@ -162,16 +111,17 @@ impl Stepper {
         threads: Option<bool>,
     ) -> Result<(), Error> {
         let (n, n_inputs, n_rows) = (self.n_state, self.n_inputs, states.len() / self.n_state.max(1));
-        let n_piece = self.n_groups * F64x4::LANES;
+        let n_piece = self.n_groups * F64x8::LANES;
         // Two pieces are done before threads have woken up.
         let is_parallel = threads.unwrap_or(n_rows > 4 * n_piece);
         let n_piece = if is_parallel { n_piece } else { n_rows.max(1) };
-        pieces.resize_with(n_rows.div_ceil(n_piece).max(pieces.len()), Piece::default);
+        pieces.resize_with(n_rows.div_ceil(n_piece).max(pieces.len()), Room::default);
         let steps = &*steps;
-        let of = |(number, (piece, states)): (usize, (&mut Piece<'m>, &mut [f64]))| {
+        let of = |(number, (room, states)): (usize, (&mut Room<'m>, &mut [f64]))| {
             let (first, n_own) = (number * n_piece, states.len() / n);
-            let inputs = inputs.map(|all| &all[first * n_inputs..(first + n_own) * n_inputs]);
-            piece.step(steps, t, n, Rows { first, states, inputs, n_inputs })
+            let inputs = inputs.map_or(&[][..], |all| &all[first * n_inputs..(first + n_own) * n_inputs]);
+            let stopped = steps.step_all(room, t, inputs, states).err();
+            stopped.map(|(row, error)| (first + row, error))
         };
         let stopped: Option<Stopped> = if is_parallel {
             let all = || {

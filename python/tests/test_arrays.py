@@ -17,12 +17,14 @@ def states(n, seed=7):
     return np.random.default_rng(seed).normal(size=(n, 6))
 
 
-def test_a_batch_has_the_bits_of_single_states(top):
-    y = states(23)
+@pytest.mark.parametrize("n", [1, 7, 8, 9, 16, 23, 63, 64, 65, 71, 130])
+def test_a_batch_has_the_bits_of_single_states(top, n):
+    y = states(n)
     single = np.array([top.rhs(row) for row in y])
     assert np.array_equal(top.rhs(y), single)
     for threads in (False, True):
         assert np.array_equal(top.rhs(y, threads=threads), single)
+        assert np.array_equal(top.rhs(np.asfortranarray(y), threads=threads), single)
 
 
 @pytest.mark.parametrize(

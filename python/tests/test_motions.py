@@ -130,6 +130,18 @@ def test_a_notebook_shows_a_figure_that_moves(top):
     assert pyhamel.load("lotka_volterra").simulate(1.0).moving() is None
 
 
+def test_a_large_ensemble_has_the_bits_of_the_command(top, tmp_path):
+    zarr = pytest.importorskip("zarr")
+    masses = np.linspace(1.0, 2.0, 20_003)
+    masses[5] = -1.0
+    many = top.ensemble(0.01, START, {"m": masses})
+    top.ensemble(0.01, START, {"m": masses}, out=str(tmp_path / "tops.zarr"))
+    stored = zarr.open_group(str(tmp_path / "tops.zarr"), mode="r")
+    assert np.array_equal(stored["y"][:], many.y, equal_nan=True)
+    assert np.array_equal(stored["steps"][:], many.steps)
+    assert many.errors[5] and not many.ok[5] and many.ok.sum() == masses.size - 1
+
+
 def test_an_ensemble_has_the_bits_of_simulate(top):
     spins = np.linspace(1.0, 5.0, 7)
     many = top.ensemble(1.0, {**START, "Omega3": spins}, {"m": 2.0}, lanes=1, samples=3, method="dop853")

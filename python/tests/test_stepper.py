@@ -31,7 +31,7 @@ def test_a_step_is_the_motion_over_its_time():
     np.testing.assert_allclose(back, START, rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 1003])
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 8, 9, 13, 1003])
 def test_rows_are_moved_as_single_states_are(n):
     states = START + 0.1 * np.random.default_rng(n).normal(size=(n, 6))
     stepper = top().stepper(0.05, method="rk4")

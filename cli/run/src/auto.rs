@@ -51,9 +51,10 @@ impl Purpose {
 
 /// The fastest method at a relative tolerance, whoever evaluates the scene.
 ///
-/// Taylor series are for whom asks for them: scenes with loops over tables have them interpreted, and two of the others
-/// have been measured, where they take 1.2 times as long as `vern9` (`heavy_top`) and 0.7 times (`euler_disk`;
-/// `hamel simulate heavy_top --t-final 2000 --samples 100 --method taylor`).
+/// Taylor series are for whom asks for them: scenes with loops over tables have them interpreted, and beside the choice
+/// for motions with samples they take 0.9 of the time to the same error in the mean of the shipped models at the default
+/// tolerances, and 1.4 and more on a tenth of them (`python python/benches/methods.py`, told in
+/// `docs/book/integrators.md`).
 pub fn choose(rtol: f64, rhs_cost: u64, purpose: Purpose) -> MethodName {
     let is_extrapolated = match purpose {
         Purpose::End => true,

@@ -19,6 +19,10 @@ const LONG: f64 = 30_000.0;
 /// Steps that are tried, and how many of them come first and may be of another size.
 const TRIAL: [u32; 2] = [16, 32];
 
+/// After so many of them a motion is not long if steps that are so many times shorter would be too few: most motions
+/// are short.
+const SHORT: [(u32, f64); 2] = [(1, 30.0), (8, 4.0)];
+
 /// The method that `auto` takes for the motion of a request because it is long; none where it is not, or where errors
 /// that add up are no matter of the energy: through events, and with derivatives beside.
 pub fn method_of_long(factory: &dyn Factory, request: &SimulateRequest) -> Option<MethodName> {
@@ -44,8 +48,58 @@ fn is_long(dynamics: &PreparedScene<'_>, request: &SimulateRequest) -> bool {
         if !solver.step_towards(request.t_final).is_ok_and(|progress| !progress.reached()) {
             return false;
         }
+        let n_steps = f64::from(n) * (request.t_final / solver.t()).abs();
+        if SHORT.iter().any(|(after, times)| n == *after && times * n_steps < LONG) {
+            return false;
+        }
         times[usize::from(n > TRIAL[0])] = solver.t();
     }
     let step = (times[1] - times[0]).abs() / f64::from(TRIAL[1] - TRIAL[0]);
     request.t_final.abs() / step >= LONG
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::method_of_long;
+    use crate::cache::Cache;
+    use crate::interpreted;
+    use crate::method::{MethodName, Steps};
+    use crate::model::Checked;
+    use crate::noise::Noise;
+    use crate::session::Session;
+    use crate::simulation::{MAX_EVENTS, SimulateRequest};
+
+    /// The pendulum takes some two steps of `dop853` a unit of time at these tolerances.
+    #[test]
+    fn a_motion_is_long_by_the_number_of_its_steps() {
+        let text = "model pendulum { coordinate q in angle; lagrangian = q_dot^2/2 + cos(q); }";
+        let model = Session::of_shipped(&[]).parse("pendulum", text).unwrap_or_else(|e| panic!("{e}"));
+        let model = Arc::new(Checked::new(model, Cache::none()));
+        let scene = interpreted::build(&model, "default").unwrap_or_else(|e| panic!("{e}"));
+        let found = |t_final: f64, max: Option<f64>| {
+            let request = SimulateRequest {
+                params: Vec::new(),
+                initial: vec![0.9, 0.1],
+                t_final,
+                method: MethodName::Auto,
+                steps: Steps::Adaptive { rtol: 1e-10, atol: 1e-12, max },
+                samples: 2,
+                with_outputs: false,
+                n_group: 0,
+                max_steps: 100_000_000,
+                max_events: MAX_EVENTS,
+                watched: None,
+                noise: Noise::default(),
+                along: Vec::new(),
+                tangents: Vec::new(),
+            };
+            method_of_long(&scene, &request)
+        };
+        let long = Some(MethodName::Projected);
+        assert_eq!([1.0, 30.0, 1e3, 5e3].map(|t| found(t, None)), [None; 4]);
+        assert_eq!([1e5, -1e5, 1e7].map(|t| found(t, None)), [long; 3]);
+        assert_eq!([found(1e3, Some(0.01)), found(1e3, Some(0.1))], [long, None]);
+    }
 }

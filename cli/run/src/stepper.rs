@@ -6,11 +6,11 @@
 use std::ops::ControlFlow;
 
 use hamel_ensemble::Lanes;
-use hamel_runtime::{AtRest, Error as SolverError, F64x4, Integrator, Method, Options, System};
+use hamel_runtime::{AtRest, Error as SolverError, F64x4, F64x8, Integrator, Method, Options, System};
 
 use super::any_method::{AnyMethod, Chosen, SideBySide};
 use super::auto::Purpose;
-use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
+use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, Several, VecState};
 use super::evaluate::{prepare, refused, why_stopped};
 use super::integrate::has_state;
 use super::lost_rank::{Held, Rank};
@@ -45,8 +45,35 @@ pub struct Pace {
 /// What one thread moves states in.
 #[derive(Default)]
 pub struct Room<'a> {
-    lanes: Storage<F64x4, PreparedLanes<'a>, Chosen<'a, SideBySide<'a>>>,
+    eight: LanesRoom<'a, F64x8>,
+    four: LanesRoom<'a, F64x4>,
     one: Storage<f64, PreparedScene<'a>, Chosen<'a, AnyMethod<'a>>>,
+}
+
+/// A method on lanes.
+type OnLanes<'a, L> = Chosen<'a, SideBySide<'a, L>>;
+
+/// The same for states side by side.
+struct LanesRoom<'a, L: Several> {
+    storage: Storage<L, PreparedLanes<'a, L>, OnLanes<'a, L>>,
+    state: Vec<L>,
+    inputs: Vec<L>,
+}
+
+impl<L: Several> Default for LanesRoom<'_, L> {
+    fn default() -> Self {
+        LanesRoom { storage: Storage::default(), state: Vec::new(), inputs: Vec::new() }
+    }
+}
+
+/// The most states side by side.
+const WIDTH: usize = F64x8::LANES;
+
+/// Rows of numbers, as many as there are, on lanes: a lane beyond the last row repeats it.
+fn gather<L: Several>((rows, n_rows): (&[f64], usize), lanes: &mut Vec<L>) {
+    let n = rows.len() / n_rows;
+    lanes.clear();
+    lanes.extend((0..n).map(|c| L::gather(|k| rows[k.min(n_rows - 1) * n + c])));
 }
 
 /// A system, and an integrator at rest.
@@ -108,33 +135,98 @@ impl<'a> Stepper<'a> {
         Ok(Stepper { factory, params: params.to_vec(), method, options, dt, is_held })
     }
 
-    /// Whether states are moved on four at a time: not where each is held to the rank of constraints on its way.
-    pub fn has_lanes(&self) -> bool {
-        self.method.of_lanes().is_some() && !self.is_held
-    }
-
-    /// Moves four states on from a time, with common steps that keep the tolerances of each; whether they have come.
-    /// The inputs are held at values, all of them, or none are given. States that have not come stay where they are.
+    /// Moves states on from a time, one after the other in `states`, and eight at a time where the method has lanes: with
+    /// common steps that keep the tolerances of each. The inputs are held at values, all of them for each state one
+    /// after the other in `inputs`, or none are given. A state that cannot be moved stays where it is, and all others
+    /// are moved.
+    ///
+    /// Threads may share states out if they take a multiple of eight each.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step), for the first state that is not moved, with its number.
     ///
     /// # Panics
-    /// When there are no lanes, or a size is wrong.
-    pub fn step_lanes(&self, room: &mut Room<'a>, t: f64, inputs: &[F64x4], y: &mut [F64x4]) -> bool {
-        let method = self.method.of_lanes().expect("a method that has lanes");
-        let Storage { system, rest, values } = &mut room.lanes;
-        let holds = system.as_mut().is_some_and(|own| own.hold(inputs));
+    /// When a size is wrong.
+    pub fn step_all(
+        &self,
+        room: &mut Room<'a>,
+        t: f64,
+        inputs: &[f64],
+        states: &mut [f64],
+    ) -> Result<(), (usize, Error)> {
+        let n = self.factory.info().state.len();
+        let n_held = inputs.len() / (states.len() / n).max(1);
+        let mut stopped = Ok(());
+        for (group, states) in states.chunks_mut(WIDTH * n).enumerate() {
+            let (first, width) = (group * WIDTH, states.len() / n);
+            let inputs = &inputs[first * n_held..(first + width) * n_held];
+            if self.step_group(room, t, (inputs, width), states) {
+                continue;
+            }
+            for (k, y) in states.chunks_mut(n).enumerate() {
+                if let Err(error) = self.step(room, t, &inputs[k * n_held..(k + 1) * n_held], y) {
+                    stopped = stopped.and(Err((first + k, error)));
+                }
+            }
+        }
+        stopped
+    }
+
+    /// Moves up to eight states on side by side; whether they have come, otherwise they are where they were.
+    fn step_group(
+        &self,
+        room: &mut Room<'a>,
+        t: f64,
+        (inputs, width): (&[f64], usize),
+        states: &mut [f64],
+    ) -> bool {
+        // Each is held to the rank of constraints on its way.
+        if self.is_held {
+            return false;
+        }
+        let (four, eight) = (self.method.of_lanes(), self.method.of_eight_lanes());
+        match (four, eight) {
+            // Lanes that repeat others have no say in the steps: these have the bits of eight.
+            (Some(method), _) if width <= F64x4::LANES => {
+                self.step_lanes((&mut room.four, method), t, (inputs, width), states)
+            }
+            (_, Some(method)) => self.step_lanes((&mut room.eight, method), t, (inputs, width), states),
+            _ => false,
+        }
+    }
+
+    /// The same on lanes, of which those beyond the last state repeat it.
+    fn step_lanes<L: Several>(
+        &self,
+        (room, method): (&mut LanesRoom<'a, L>, OnLanes<'a, L>),
+        t: f64,
+        (inputs, width): (&[f64], usize),
+        states: &mut [f64],
+    ) -> bool {
+        let LanesRoom { storage: Storage { system, rest, values }, state, inputs: held } = room;
+        gather((states, width), state);
+        gather((inputs, width), held);
+        let holds = system.as_mut().is_some_and(|own| own.hold(held));
         if !holds {
-            self.values(values, inputs);
-            match self.factory.prepare_lanes(values) {
+            self.values(values, held);
+            match L::prepare(self.factory, values) {
                 Ok(made) => *system = Some(made),
                 Err(_) => return false,
             }
         }
         // It is there, as has just been seen.
         let Some(system) = &*system else { return false };
-        self.advance(system, method, rest, (t, y), &mut |solver, end| Ok(solver.integrate_to(end)?)).is_ok()
+        let mut to_end = |solver: &mut Integrator<'_, L, _, _>, end: L| Ok(solver.integrate_to(end)?);
+        let has_come = self.advance(system, method, rest, (t, state), &mut to_end).is_ok();
+        if has_come {
+            for (k, y) in states.chunks_mut(state.len()).enumerate() {
+                y.iter_mut().zip(&*state).for_each(|(y, lanes)| *y = lanes.lane(k));
+            }
+        }
+        has_come
     }
 
-    /// Moves one state on, as [`step_lanes`](Self::step_lanes) does, with steps of its own.
+    /// Moves one state on with steps of its own, as [`step_all`](Self::step_all) does.
     ///
     /// # Errors
     /// [`Error::Params`]; [`Error::Stopped`] with the time and the state from which it was not moved.
@@ -225,8 +317,6 @@ impl<'a> Stepper<'a> {
 mod tests {
     use std::sync::Arc;
 
-    use hamel_runtime::F64x4;
-
     use super::{Pace, Room, Stepper};
     use crate::cache::Cache;
     use crate::error::Error;
@@ -305,6 +395,8 @@ mod tests {
     /// Lanes have the bits of single states, whoever evaluates, where steps are fixed; adaptive ones keep tolerances.
     #[test]
     fn lanes_are_moved_as_single_states_with_inputs_of_their_own() {
+        /// A group of eight, and one that is not full.
+        const N: usize = 13;
         let pushes = [0.3, -0.5, 0.0, 1.1];
         for (method, tolerance) in
             [(MethodName::Rk4, 0.0), (MethodName::Dop853, 1e-9), (MethodName::Gbs14, 1e-9)]
@@ -313,27 +405,40 @@ mod tests {
             for in_memory in [false, true] {
                 let scene = scene(in_memory);
                 let stepper = Stepper::new(&scene, &[1.5], pace(method)).unwrap();
-                assert!(stepper.has_lanes());
                 let mut room = Room::default();
-                let mut lanes = START.map(F64x4::splat);
-                let mut single = [START; 4];
+                let (mut all, mut single) = ([START; N].concat(), [START; N].concat());
                 for k in 0..4 {
-                    let pushes = pushes.map(|push| push * f64::from(k));
+                    let pushes: Vec<f64> =
+                        (0..N).map(|n| pushes[n % 4] * f64::from(k) + 0.01 * n as f64).collect();
                     let t = 0.1 * f64::from(k);
-                    assert!(stepper.step_lanes(&mut room, t, &[F64x4::new(pushes)], &mut lanes));
-                    for (y, push) in single.iter_mut().zip(pushes) {
+                    stepper.step_all(&mut room, t, &pushes, &mut all).unwrap();
+                    for (y, push) in single.chunks_mut(4).zip(pushes) {
                         stepper.step(&mut room, t, &[push], y).unwrap();
                     }
                 }
-                for (lane, y) in single.iter().enumerate() {
-                    for (own, lanes) in y.iter().zip(&lanes) {
-                        let error = (own - lanes.lane(lane)).abs();
-                        assert!(error <= tolerance, "{}: {error:e}", method.name());
-                    }
+                for (own, lanes) in single.iter().zip(&all) {
+                    let error = (own - lanes).abs();
+                    assert!(error <= tolerance, "{}: {error:e}", method.name());
                 }
-                ends.push(lanes.map(F64x4::to_array));
+                ends.push(all);
             }
             assert_eq!(ends[0], ends[1], "{}, interpreted and in memory", method.name());
+        }
+    }
+
+    /// Four lanes are taken where there are no more states, and have the bits of eight.
+    #[test]
+    fn lanes_that_repeat_a_state_have_no_say() {
+        let scene = scene(true);
+        for method in [MethodName::Dop853, MethodName::Vern9, MethodName::Gbs14] {
+            let stepper = Stepper::new(&scene, &[1.5], Pace { dt: 3.0, ..pace(method) }).unwrap();
+            let mut room = Room::default();
+            let row = |k: f64| [0.4 + 0.3 * k, 0.2, 0.1 * k, -0.3];
+            let mut three = [row(0.0), row(1.0), row(2.0)].concat();
+            let mut repeated = [row(0.0), row(1.0), row(2.0), row(2.0), row(2.0)].concat();
+            stepper.step_all(&mut room, 0.0, &[], &mut three).unwrap();
+            stepper.step_all(&mut room, 0.0, &[], &mut repeated).unwrap();
+            assert_eq!(three, repeated[..three.len()], "{}", method.name());
         }
     }
 
@@ -360,11 +465,12 @@ mod tests {
         let stopped = stepper.step(&mut room, 0.0, &[0.3], &mut y);
         assert!(matches!(stopped, Err(Error::Stopped { .. })), "{stopped:?}");
         assert_eq!(y, beyond);
-        let mut lanes: [F64x4; 4] =
-            std::array::from_fn(|c| F64x4::new([START[c], START[c], beyond[c], START[c]]));
-        let before = lanes;
-        assert!(!stepper.step_lanes(&mut room, 0.0, &[F64x4::splat(0.3)], &mut lanes));
-        assert_eq!(lanes, before);
+        let mut moved = START;
+        stepper.step(&mut room, 0.0, &[0.3], &mut moved).unwrap();
+        let mut all = [START, START, beyond, START, beyond].concat();
+        let stopped = stepper.step_all(&mut room, 0.0, &[0.3; 5], &mut all);
+        assert!(matches!(stopped, Err((2, Error::Stopped { .. }))), "{stopped:?}");
+        assert_eq!(all, [moved, moved, beyond, moved, beyond].concat());
         // The storage is as good as before.
         let (mut after, mut fresh) = (START, START);
         stepper.step(&mut room, 0.0, &[0.3], &mut after).unwrap();
@@ -386,7 +492,6 @@ mod tests {
         let model = Arc::new(Checked::new(model, Cache::none()));
         let scene = interpreted::build(&model, "default").unwrap_or_else(|e| panic!("{e}"));
         let stepper = Stepper::new(&scene, &[], Pace { dt: 1.5, ..pace(MethodName::Vern9) }).unwrap();
-        assert!(!stepper.has_lanes());
         let mut room = Room::default();
         let mut y = [1.0, 0.0, 1.0, 1.0, 0.0, 1.0];
         stepper.step(&mut room, 0.0, &[], &mut y).unwrap();
@@ -394,6 +499,10 @@ mod tests {
         let before = y;
         let stopped = stepper.step(&mut room, 1.5, &[], &mut y).unwrap_err().to_string();
         assert!(stopped.contains("depend on each other"), "{stopped}");
+        assert_eq!(y, before);
+        // Not side by side, where nobody would see it.
+        let stopped = stepper.step_all(&mut room, 1.5, &[], &mut y).map_err(|(_, error)| error.to_string());
+        assert!(stopped.is_err_and(|text| text.contains("depend on each other")));
         assert_eq!(y, before);
     }
 

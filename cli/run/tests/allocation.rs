@@ -20,7 +20,6 @@ use hamel_run::method::{MethodName, Steps};
 use hamel_run::model::Checked;
 use hamel_run::session::Session;
 use hamel_run::stepper::{Pace, Room, Stepper};
-use hamel_runtime::F64x4;
 
 /// Counts the allocations, of all threads and of each, and leaves the work to the system.
 struct Counting;
@@ -138,7 +137,7 @@ fn steps_in_the_same_storage(scene: &Built, method: MethodName) {
     let stepper = stepper.unwrap_or_else(|e| panic!("{e}"));
     let mut room = Room::default();
     let mut y = [0.4, 0.2, 0.1, 0.3];
-    let mut lanes = y.map(F64x4::splat);
+    let mut all = [y; 13].concat();
     let mut steps = |n: usize| {
         let before = N_OF_THREAD.get();
         for _ in 0..n {
@@ -146,7 +145,7 @@ fn steps_in_the_same_storage(scene: &Built, method: MethodName) {
             if method == MethodName::Rk4 {
                 stepper.step(&mut room, 0.0, &[], &mut y).unwrap_or_else(|e| panic!("{e}"));
             }
-            assert!(stepper.step_lanes(&mut room, 0.0, &[], &mut lanes));
+            stepper.step_all(&mut room, 0.0, &[], &mut all).unwrap_or_else(|(_, e)| panic!("{e}"));
         }
         N_OF_THREAD.get() - before
     };

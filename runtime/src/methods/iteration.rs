@@ -13,20 +13,23 @@ use crate::system::System;
 pub(super) struct Change {
     change: f64,
     size: f64,
+    /// Whether a change is NaN.
+    is_lost: bool,
 }
 
 impl Change {
     /// Whether the change is less than the last digit of what it changes.
     pub(super) fn is_rounding<R: Real>(&self) -> bool {
-        self.change <= 0.25 * R::EPSILON * self.size
+        !self.is_lost && self.change <= 0.25 * R::EPSILON * self.size
     }
 
     #[inline(always)]
     pub(super) fn add<R: Real>(&mut self, h: f64, y: R, k: R, difference: R) {
         let change = h * difference.magnitude();
         let size = y.magnitude() + h * k.magnitude();
-        // A NaN is kept, since nothing is above it.
-        self.change = if change.is_nan() || change > self.change { change } else { self.change };
+        // Without a branch, as changes come and go.
+        self.change = if change > self.change { change } else { self.change };
+        self.is_lost |= change.is_nan();
         self.size = if size > self.size { size } else { self.size };
     }
 }
@@ -49,9 +52,9 @@ pub(super) fn iterate<R: Real, S: System<R>>(
     const PATIENCE: u32 = 10;
     let mut previous = f64::INFINITY;
     for iterations in 1..=MAX_ITERATIONS {
-        let Change { change, size } = sweep(step);
+        let Change { change, size, is_lost } = sweep(step);
         // What is not finite is found, and explained, by the integrator.
-        if change == 0.0 || !change.is_finite() {
+        if is_lost || change == 0.0 || !change.is_finite() {
             return Ok(());
         }
         if change >= previous {

@@ -50,7 +50,7 @@ const MIN_CHUNK: usize = 64;
 
 /// Number of trajectories of a chunk: few numbers, so that memory is small and little is lost with a process, and a
 /// multiple of the lanes, so that neighbours in lanes do not depend on it.
-fn chunk_of(n_numbers: usize) -> usize {
+pub fn chunk_of(n_numbers: usize) -> usize {
     ((1 << 19) / n_numbers.max(1)).clamp(MIN_CHUNK, 8192) / 8 * 8
 }
 
@@ -287,7 +287,7 @@ pub fn of_scene(
 ///
 /// # Errors
 /// [`Error::Options`] where there are no more paths.
-fn path_of(trajectory: usize) -> Result<u32, Error> {
+pub fn path_of(trajectory: usize) -> Result<u32, Error> {
     let none = |_| Error::Options { reason: format!("noise has at most {} paths", u32::MAX) };
     trajectory.try_into().map_err(none)
 }

@@ -86,15 +86,17 @@ impl Array<'_> {
 /// Number of bytes of a checksum.
 const CHECKSUM: usize = 4;
 
-/// Remainders of the cyclic redundancy check for each byte with up to seven bytes behind it: the polynomial of
-/// Castagnoli, bits reversed.
+/// The polynomial of Castagnoli without its leading term, bits reversed: that of the constant term is the highest.
+const POLYNOMIAL: u32 = 0x82F6_3B78;
+
+/// Remainders of the cyclic redundancy check for each byte with up to seven bytes behind it.
 static REMAINDERS: [[u32; 256]; 8] = {
     let mut remainders = [[0; 256]; 8];
     let mut byte = 0;
     while byte < 256 {
         let (mut remainder, mut bit) = (byte as u32, 0);
         while bit < 8 * 8 {
-            remainder = if remainder & 1 == 1 { remainder >> 1 ^ 0x82F6_3B78 } else { remainder >> 1 };
+            remainder = if remainder & 1 == 1 { remainder >> 1 ^ POLYNOMIAL } else { remainder >> 1 };
             bit += 1;
             if bit % 8 == 0 {
                 remainders[bit / 8 - 1][byte] = remainder;
@@ -105,23 +107,61 @@ static REMAINDERS: [[u32; 256]; 8] = {
     remainders
 };
 
-/// The checksum CRC32C, eight bytes at a time.
+/// The remainder of bytes with eight more behind them.
+fn with_word(sum: u32, word: [u8; 8]) -> u32 {
+    let [a, b, c, d, e, f, g, h] = (u64::from_le_bytes(word) ^ u64::from(sum)).to_le_bytes();
+    let [t, u, v, w, x, y, z, last] = &REMAINDERS;
+    (last[usize::from(a)] ^ z[usize::from(b)] ^ y[usize::from(c)] ^ x[usize::from(d)])
+        ^ (w[usize::from(e)] ^ v[usize::from(f)] ^ u[usize::from(g)] ^ t[usize::from(h)])
+}
+
+/// The remainder of a product of two.
+fn product(mut a: u32, mut b: u32) -> u32 {
+    let mut sum = 0;
+    while a != 0 {
+        if a >> 31 == 1 {
+            sum ^= b;
+        }
+        a <<= 1;
+        b = if b & 1 == 1 { b >> 1 ^ POLYNOMIAL } else { b >> 1 };
+    }
+    sum
+}
+
+/// The remainder of `x^(64 n)`, by which that of bytes is multiplied where `n` words stand behind them.
+fn power(mut n: usize) -> u32 {
+    const ONE: u32 = 1 << 31;
+    let (mut power, mut square) = (ONE, with_word(ONE, [0; 8]));
+    while n != 0 {
+        if n & 1 == 1 {
+            power = product(power, square);
+        }
+        square = product(square, square);
+        n >>= 1;
+    }
+    power
+}
+
+/// The checksum CRC32C, eight bytes at a time of each quarter: a remainder waits for the one before it.
 ///
 /// # Source
 /// RFC 3720, appendix B.4; Kounavis and Berry 2008, IEEE Transactions on Computers 57, section 3, for the tables.
 fn crc32c(bytes: &[u8]) -> u32 {
     let (words, rest) = bytes.as_chunks::<8>();
-    let mut sum = !0;
-    for word in words {
-        let [a, b, c, d, e, f, g, h] = (u64::from_le_bytes(*word) ^ u64::from(sum)).to_le_bytes();
-        let [t, u, v, w, x, y, z, last] = &REMAINDERS;
-        sum = (last[usize::from(a)] ^ z[usize::from(b)] ^ y[usize::from(c)] ^ x[usize::from(d)])
-            ^ (w[usize::from(e)] ^ v[usize::from(f)] ^ u[usize::from(g)] ^ t[usize::from(h)]);
+    let n = words.len() / 4;
+    let (quarters, others) = words.split_at(4 * n);
+    let (half, other_half) = quarters.split_at(2 * n);
+    let ((a, b), (c, d)) = (half.split_at(n), other_half.split_at(n));
+    let mut sums = [!0, 0, 0, 0];
+    for (((a, b), c), d) in a.iter().zip(b).zip(c).zip(d) {
+        let [p, q, r, s] = sums;
+        sums = [with_word(p, *a), with_word(q, *b), with_word(r, *c), with_word(s, *d)];
     }
-    for byte in rest {
-        sum = sum >> 8 ^ REMAINDERS[0][usize::from(sum as u8 ^ byte)];
-    }
-    !sum
+    let behind = power(n);
+    let [first, next @ ..] = sums;
+    let sum = next.into_iter().fold(first, |sum, next| product(sum, behind) ^ next);
+    let sum = others.iter().fold(sum, |sum, word| with_word(sum, *word));
+    !rest.iter().fold(sum, |sum, byte| sum >> 8 ^ REMAINDERS[0][usize::from(sum as u8 ^ byte)])
 }
 
 /// The file of a chunk: its bytes and their checksum.
@@ -237,6 +277,19 @@ mod tests {
         assert_eq!(of(&up), [0x4e, 0x79, 0xdd, 0x46]);
         assert_eq!(of(&down), [0x5c, 0xdb, 0x3f, 0x11]);
         assert_eq!(crc32c(b"123456789"), 0xe306_9283);
+    }
+
+    /// By the definition, a bit after the other, of all lengths that have a rest of another size.
+    #[test]
+    fn checksums_are_those_of_the_definition() {
+        let by_bits = |bytes: &[u8]| {
+            let bit = |sum: u32| if sum & 1 == 1 { sum >> 1 ^ super::POLYNOMIAL } else { sum >> 1 };
+            !bytes.iter().fold(!0, |sum: u32, byte| (0..8).fold(sum ^ u32::from(*byte), |sum, _| bit(sum)))
+        };
+        let bytes: Vec<u8> = (0..1500_u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+        for n in (0..200).chain([1023, 1024, 1500]) {
+            assert_eq!(crc32c(&bytes[..n]), by_bits(&bytes[..n]), "{n}");
+        }
     }
 
     #[test]

@@ -26,6 +26,12 @@ pub struct NewtonWorkspace<R: Real, V: SquareStorage<R>, const STAGES: usize> {
     residuals: [V; STAGES],
 }
 
+/// Stages and components from a place on, in the order of the rows.
+fn places<const STAGES: usize>(from: (usize, usize), n: usize) -> impl Iterator<Item = (usize, usize)> {
+    let first = move |i: usize| if i == from.0 { from.1 } else { 0 };
+    (from.0..STAGES).flat_map(move |i| (first(i)..n).map(move |row| (i, row)))
+}
+
 impl<R: Real, V: SquareStorage<R>, const STAGES: usize> NewtonWorkspace<R, V, STAGES> {
     fn new(y0: &V) -> Self {
         let states = || core::array::from_fn(|_| y0.zeros_like());
@@ -64,17 +70,21 @@ impl<R: Real, V: SquareStorage<R>, const STAGES: usize> NewtonWorkspace<R, V, ST
                 }
             }
         }
-        let split = |index: usize| (index / n, index % n);
-        for p in 0..STAGES * n {
-            let (i, row) = split(p);
-            let mut size = |q: usize| self.row(split(q), i)[row].magnitude();
-            let largest = (p + 1..STAGES * n).fold(p, |best, q| if size(q) > size(best) { q } else { best });
-            self.pivots[i].as_mut()[row] = largest;
-            if largest != p {
+        for (i, row) in places::<STAGES>((0, 0), n) {
+            let mut largest = (i, row, self.row((i, row), i)[row].magnitude());
+            for (target, target_row) in places::<STAGES>((i, row), n).skip(1) {
+                let size = self.row((target, target_row), i)[row].magnitude();
+                if size > largest.2 {
+                    largest = (target, target_row, size);
+                }
+            }
+            let largest = (largest.0, largest.1);
+            self.pivots[i].as_mut()[row] = largest.0 * n + largest.1;
+            if largest != (i, row) {
                 for j in 0..STAGES {
                     for column in 0..n {
                         let saved = self.row((i, row), j)[column];
-                        let other = core::mem::replace(&mut self.row(split(largest), j)[column], saved);
+                        let other = core::mem::replace(&mut self.row(largest, j)[column], saved);
                         self.row((i, row), j)[column] = other;
                     }
                 }
@@ -86,8 +96,7 @@ impl<R: Real, V: SquareStorage<R>, const STAGES: usize> NewtonWorkspace<R, V, ST
             if !pivot.all_ne(R::ZERO) || !pivot.all_finite() {
                 return false;
             }
-            for q in p + 1..STAGES * n {
-                let (target, target_row) = split(q);
+            for (target, target_row) in places::<STAGES>((i, row), n).skip(1) {
                 let entry = &mut self.factors[target][i].as_mut()[target_row].as_mut_slice()[row];
                 let ratio = *entry / pivot;
                 *entry = ratio;
@@ -106,26 +115,25 @@ impl<R: Real, V: SquareStorage<R>, const STAGES: usize> NewtonWorkspace<R, V, ST
     /// Replaces the residuals by the solution.
     fn solve(&mut self) {
         let n = self.n();
-        let split = |index: usize| (index / n, index % n);
-        for p in 0..STAGES * n {
-            let (i, row) = split(p);
-            let (other, other_row) = split(self.pivots[i].as_ref()[row]);
+        for (i, row) in places::<STAGES>((0, 0), n) {
+            let pivot = self.pivots[i].as_ref()[row];
+            let (other, other_row) = (pivot / n, pivot % n);
             let saved = self.residuals[i].as_slice()[row];
             let exchanged = core::mem::replace(&mut self.residuals[other].as_mut_slice()[other_row], saved);
             self.residuals[i].as_mut_slice()[row] = exchanged;
             // Exchanges before elimination: later exchanges have permuted the multipliers too.
         }
-        for p in 0..STAGES * n {
-            let (i, row) = split(p);
+        for (i, row) in places::<STAGES>((0, 0), n) {
             let known = self.known((i, row), 0..i, 0..row);
             self.residuals[i].as_mut_slice()[row] -= known;
         }
-        for p in (0..STAGES * n).rev() {
-            let (i, row) = split(p);
-            let known = self.known((i, row), i + 1..STAGES, row + 1..n);
-            let pivot = self.factors[i][i].as_ref()[row].as_slice()[row];
-            let residual = &mut self.residuals[i].as_mut_slice()[row];
-            *residual = (*residual - known) / pivot;
+        for i in (0..STAGES).rev() {
+            for row in (0..n).rev() {
+                let known = self.known((i, row), i + 1..STAGES, row + 1..n);
+                let pivot = self.factors[i][i].as_ref()[row].as_slice()[row];
+                let residual = &mut self.residuals[i].as_mut_slice()[row];
+                *residual = (*residual - known) / pivot;
+            }
         }
     }
 
