@@ -108,7 +108,7 @@ fn a_parallelogram_goes_on_through_its_folds() {
     }
 }
 
-/// Many turns under a weight, and with a motor and friction, are those of one angle.
+/// Many turns under a weight, and with a motor and friction, are the turns of one angle.
 #[test]
 fn a_parallelogram_with_forces_is_that_of_one_angle() {
     let kept = by_multipliers(PARALLELOGRAM);

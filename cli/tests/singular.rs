@@ -1,5 +1,5 @@
 //! Motions into singular places, on the command line: poles, lost ranks of constraints on velocities, and places that
-//! only look singular. Those of equations between coordinates are in `folds`.
+//! only look singular. Equations between coordinates are in `folds`.
 
 use std::path::PathBuf;
 use std::process::Command;

@@ -49,7 +49,7 @@ pub(super) struct Watcher<'r, 'a> {
     pub(super) ended_by: Option<String>,
     /// What has gone wrong.
     pub(super) error: Option<Error>,
-    /// States to go back to where constraints become dependent, in the order of time; none where they cannot.
+    /// States to go back to where constraints become dependent, in the order of time, where they may.
     pub(super) marks: Vec<Mark>,
     /// Changes of the state by events.
     pub(super) n_changes: u64,

@@ -55,6 +55,7 @@ pub mod request;
 pub mod resources;
 mod runnable;
 mod saltation;
+mod scale;
 mod sensitivity;
 pub mod session;
 pub mod signs;
@@ -72,4 +73,4 @@ pub mod watched;
 mod wide;
 
 pub use error::Error;
-pub use record::energy_scale;
+pub use scale::energy_scale;

@@ -5,8 +5,8 @@
 //! and by Cauchy and Binet `n(a) . n(b) = det G(a) G(b)^T`. Along a smooth path `n` turns as the gradients do; where
 //! they become dependent and independent again it goes through zero, and its direction jumps: to the opposite one, or
 //! to that of another branch. Where two directions are lost at once, `n` keeps its own: with the factors `G = S Q` of
-//! positive definite `S` and orthonormal rows `Q`, `Q` turns these two round. A factor that all entries of a row share turns it round and loses nothing: accelerations
-//! are solved for without it.
+//! positive definite `S` and orthonormal rows `Q`, `Q` turns these two round. A factor that all
+//! entries of a row share turns it round and loses nothing: accelerations are solved for without it.
 //!
 //! Does not know: how steps are made.
 //!
@@ -52,8 +52,8 @@ const BESIDE: f64 = 1e-4;
 /// The cosine above which rows around a zero of one are in one direction, that of all but a factor.
 const PARALLEL: f64 = 0.9;
 
-/// A distance of a row from the span of others, in the greatest lengths of rows and relative to the greatest distance on
-/// the way, below which a motion comes near to a place where they are dependent.
+/// A distance of a row from the span of others, in the greatest lengths of rows and relative to the greatest distance
+/// on the way, below which a motion comes near to a place where they are dependent.
 const NEAR: f64 = 0.05;
 
 /// Where rows change by less than this part of the distances at both ends, directions do not turn round: a singular

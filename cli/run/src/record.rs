@@ -7,6 +7,7 @@ use hamel_codegen::spec::Want;
 use super::crossing::path::Path;
 use super::dynamics::Dynamics;
 use super::lost_rank::Rank;
+use super::scale::energy_scale;
 use super::simulation::{Sample, SimulateRequest, stopped_because};
 use crate::error::Error;
 
@@ -15,36 +16,6 @@ const VIOLATED: f64 = 1e-9;
 
 /// Most steps whose energies are kept for a figure.
 const MAX_STEPS_SHOWN: usize = 4096;
-
-/// Scale to which the drift of the energy is relative: `|E0|`, or a thousandth of the size of the terms that `E0` is
-/// the sum of, whichever is larger.
-///
-/// ```text
-/// scale = max(|E0|, 1e-3 sum_i |y_i dE/dy_i|)
-/// ```
-///
-/// The zero of a potential is a convention, and where `E0` nearly cancels a drift relative to `|E0|` alone says nothing
-/// about the integration. A state at rest in the zero of the potential has the scale one, so that its drift is
-/// absolute.
-pub fn energy_scale(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> f64 {
-    let energy = |y: &[f64]| dynamics.energy(t, y).unwrap_or(0.0);
-    let mut terms = 0.0;
-    let mut moved = y.to_vec();
-    for (k, &x) in y.iter().enumerate() {
-        let h = 1e-6;
-        moved[k] = x * (1.0 + h);
-        let above = energy(&moved);
-        moved[k] = x * (1.0 - h);
-        let below = energy(&moved);
-        moved[k] = x;
-        let term = ((above - below) / (2.0 * h)).abs();
-        if term.is_finite() {
-            terms += term;
-        }
-    }
-    let scale = energy(y).abs().max(1e-3 * terms).min(f64::MAX);
-    if scale >= f64::MIN_POSITIVE { scale } else { 1.0 }
-}
 
 /// How much was noted up to a state.
 #[derive(Clone, Copy, Debug)]
@@ -163,7 +134,7 @@ impl<'a> Record<'a> {
         self.rank.is_some()
     }
 
-    /// Forgets what was noted after a time.
+    /// Forgets all notes after a time.
     pub(super) fn rewind(&mut self, t: f64, y: &[f64], noted: Noted) {
         let is_before = |time: f64| time.abs() <= t.abs();
         (self.lost_at, self.near_at) = (None, None);

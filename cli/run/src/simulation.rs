@@ -106,8 +106,8 @@ pub struct SimulateResponse {
     pub seconds: f64,
 }
 
-/// A position where equations between coordinates depend on each other, which a motion has passed on the branch on which
-/// its positions and velocities are smooth.
+/// A position where equations between coordinates depend on each other, and which a motion has passed on the branch on
+/// which its positions and velocities are smooth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SingularPosition {
     /// Time.
@@ -117,7 +117,7 @@ pub struct SingularPosition {
 }
 
 impl SingularPosition {
-    /// Those that a motion has passed, in words; none where there are none.
+    /// A summary of the positions that a motion has passed, where it has passed some.
     pub fn told(passed: &[SingularPosition]) -> Option<String> {
         let last = passed.last()?.t;
         let n = passed.len();

@@ -5,8 +5,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::Point;
 use crate::dynamics::{Dynamics, VecState};
+
+/// A time and a state.
+pub(crate) type Point = (f64, Vec<f64>);
 
 /// Most steps of Newton's method.
 const MAX_ROUNDS: usize = 12;

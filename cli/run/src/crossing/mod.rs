@@ -1,5 +1,5 @@
 //! Singular positions that a motion passes: where equations between coordinates depend on each other at one instant, as
-//! those of a parallelogram that folds flat.
+//! in a parallelogram that folds flat.
 //!
 //! Two branches of positions cross there. The motion goes on along the one on which its positions and velocities are
 //! smooth functions of the time. [`find`] locates the instant, solves for the motion on both sides of it together
@@ -14,10 +14,11 @@ pub(crate) mod path;
 use hamel_runtime::{Integrator, Method, Options};
 
 use self::branch::Branch;
+pub(crate) use self::branch::Point;
 use self::legendre::Nodes;
 use self::path::{Path, Solved, Span, difference, solve};
 use super::dynamics::{Dynamics, PreparedScene, VecState};
-use super::energy_scale;
+use super::scale::energy_scale;
 
 /// Nodes of the path, and of one that checks it.
 const NODES: (usize, usize) = (16, 12);
@@ -46,7 +47,7 @@ const MAX_PATHS: u32 = 9;
 /// So near the middle, relative to half the length, the position has to be.
 const CENTRED: f64 = 0.02;
 
-/// A path is not made shorter whose error is this part of what is tolerated.
+/// A path is not made shorter whose error is this part of the tolerated one.
 const PRECISE: f64 = 1e-2;
 
 /// The largest error of a path, unless the tolerance is larger: what states have by their tolerance.
@@ -92,7 +93,7 @@ pub(crate) struct Way<'w, 'f, M> {
     pub(crate) scene: &'w PreparedScene<'f>,
     pub(crate) method: M,
     pub(crate) options: Options<f64>,
-    /// The relative tolerance; none for fixed steps.
+    /// The relative tolerance, unless steps are fixed.
     pub(crate) rtol: Option<f64>,
     /// The fixed step, if there is one.
     pub(crate) step: Option<f64>,
@@ -101,9 +102,6 @@ pub(crate) struct Way<'w, 'f, M> {
     /// The greatest lengths of gradients on the way.
     pub(crate) lengths: Vec<f64>,
 }
-
-/// A time and a state.
-pub(crate) type Point = (f64, Vec<f64>);
 
 /// Looks for the singular position that a motion comes to beyond the last of the marks, about the time `told`, and
 /// passes it.

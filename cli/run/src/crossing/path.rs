@@ -11,7 +11,7 @@
 //! where `M` moves a state to the nearest one that meets all equations. Off the branch the rates have a pole, on it
 //! they have none, so that passes of the iteration converge as for regular equations.
 //!
-//! Does not know: where the singular position is, what is done along the path.
+//! Does not know: where the singular position is, uses of the path.
 //!
 //! # Source
 //! Hairer, Lubich and Wanner 2006, Geometric numerical integration, section II.1.3 (collocation).
@@ -124,7 +124,7 @@ pub(crate) struct Path {
 }
 
 impl Path {
-    /// Of what was solved for.
+    /// By the states at the nodes.
     pub(super) fn new(dynamics: &dyn Dynamics, span: Span, solved: Solved) -> Path {
         let Solved { nodes, states, rates, motion, .. } = solved;
         let times = || nodes.places.iter().map(|x| span.time(*x)).zip(&states);
