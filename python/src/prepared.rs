@@ -47,7 +47,7 @@ impl Prepared {
         self.with_dependent(|_, evaluated| -> &dyn Dynamics { &*evaluated.one })
     }
 
-    /// At eight states, of which each has the bits of one; none where these cannot be side by side.
+    /// At eight states, of which each has the bits of one. `None` where these cannot be side by side.
     pub(crate) fn eight(&self) -> Option<&dyn LaneDynamics<F64x8>> {
         self.with_dependent(|built, Evaluated { values, eight, .. }| {
             eight.get_or_init(|| built.prepare_eight_lanes(values).ok()).as_deref()

@@ -29,8 +29,8 @@ pub(crate) fn other_shapes() -> PyErr {
     pyo3::exceptions::PyValueError::new_err("arrays of other shapes than the scene's")
 }
 
-/// Groups of eight rows that are read before the first of them is evaluated. A lane is written at a time, and a processor
-/// that reads all of them right afterwards waits.
+/// Groups of eight rows that are read before the first of them is evaluated. A lane is written at a time, and a
+/// processor that reads all of them right afterwards waits.
 const AT_ONCE: usize = 8;
 
 /// The rates of all rows, eight at a time.

@@ -51,8 +51,8 @@ impl Purpose {
 
 /// The fastest method at a relative tolerance, whoever evaluates the scene.
 ///
-/// Taylor series are for whom asks for them: scenes with loops over tables have them interpreted, and beside the choice
-/// for motions with samples they take 0.9 of the time to the same error in the mean of the shipped models at the default
+/// Taylor series are for whom asks for them: scenes with loops over tables have them interpreted. Beside the choice for
+/// motions with samples they take 0.9 of the time to the same error in the mean of the shipped models at the default
 /// tolerances, and 1.4 and more on a tenth of them (`python python/benches/methods.py`, told in
 /// `docs/book/integrators.md`).
 pub fn choose(rtol: f64, rhs_cost: u64, purpose: Purpose) -> MethodName {

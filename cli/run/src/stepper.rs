@@ -135,10 +135,10 @@ impl<'a> Stepper<'a> {
         Ok(Stepper { factory, params: params.to_vec(), method, options, dt, is_held })
     }
 
-    /// Moves states on from a time, one after the other in `states`, and eight at a time where the method has lanes: with
-    /// common steps that keep the tolerances of each. The inputs are held at values, all of them for each state one
-    /// after the other in `inputs`, or none are given. A state that cannot be moved stays where it is, and all others
-    /// are moved.
+    /// Moves states on from a time, which are one after the other in `states`: eight at a time where the method has
+    /// lanes, with common steps that keep the tolerances of each. The inputs are held at values, all of them for each
+    /// state one after the other in `inputs`, or none are given. A state that cannot be moved stays where it is, and
+    /// all others are moved.
     ///
     /// Threads may share states out if they take a multiple of eight each.
     ///
