@@ -83,7 +83,12 @@ impl<'a> Parser<'a> {
                         let names = self.for_copies(names, copies);
                         ItemKind::MomentumIn { labels: self.labels(names.len())?, names, algebra }
                     }
-                    _ => return self.expected("`of` and a velocity, or `in` and an algebra"),
+                    [_] => return self.expected("`of` and a velocity, or `in` and an algebra"),
+                    _ => {
+                        let Some(of) = self.word("of") else { return self.expected("`in` and an algebra") };
+                        let problem = Diagnostic::new(Some(of), "an item names one momentum of a velocity");
+                        return Err(Box::new(problem.with_help("write one for each: `momentum P of w;`")));
+                    }
                 }
             }
             "want" => ItemKind::Want(self.comma_separated(|p| p.named("`digits`"))?),
@@ -255,8 +260,7 @@ impl<'a> Parser<'a> {
                     Compare::Less
                 } else if rest.is_empty() {
                     if p.punct("==").is_some() || p.punct("=").is_some() {
-                        let problem =
-                            Diagnostic::new(Some(start), "an equation is not a condition on parameters");
+                        let problem = Diagnostic::new(Some(start), "an equation is not a condition");
                         return Err(Box::new(
                             problem.with_help("conditions use `>`, `>=`, `<`, `<=` or `!=`"),
                         ));
