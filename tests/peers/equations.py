@@ -213,8 +213,6 @@ STATES = {
     "mobile_robot": "psi1 psi2 psi1_dot psi2_dot",
     "two_arm_satellite": "alpha beta alpha_dot beta_dot Omega1 Omega2 Omega3",
 }
-# The scenes with these states where they are not the default ones.
-SCENES = {"kirchhoff_body": "as_written"}
 
 
 class Problem:
@@ -222,7 +220,7 @@ class Problem:
 
     def __init__(self, model):
         file = json.loads((REFERENCE / f"{model}.json").read_text())
-        self.model, self.scene, self.state = model, SCENES.get(model, "default"), STATES[model].split()
+        self.model, self.state = model, STATES[model].split()
         case, self.trajectories = file["cases"][0], file["trajectories"]
         self.params = list(case["params"])
         self.values = self.numbers(case["params"], self.params)

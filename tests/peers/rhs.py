@@ -276,7 +276,7 @@ class Kernel:
 
     def __init__(self, problem, kind, lanes, convention, symbol, path):
         self.problem, self.lanes = problem, lanes
-        self.name = f"{problem.model}/{problem.scene}/{kind}" + (f"-{lanes}" if lanes > 1 else "")
+        self.name = f"{problem.model}/default/{kind}" + (f"-{lanes}" if lanes > 1 else "")
         numbers = ", ".join(f"{x!r}" for x in problem.values)
         self.entry = (
             f'KERNEL("{self.name}", {convention}, {lanes}, {len(problem.state)}, "{path}", "{symbol}", {numbers})'

@@ -207,12 +207,6 @@ pub fn distance(computed: f64, reference: &str) -> f64 {
     hamel_expr::rational_to_f64(&(computed - exact(reference))).abs()
 }
 
-/// The scene of a model whose state has the names of its reference.
-pub fn scene(model: &str) -> &'static str {
-    // The default scenes carry momenta along levels.
-    if ["extended_pose", "kirchhoff_body"].contains(&model) { "as_written" } else { "default" }
-}
-
 /// Values of `names` in order, as doubles.
 ///
 /// # Panics

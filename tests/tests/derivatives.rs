@@ -48,8 +48,7 @@ fn points(built: &Derived, n_random: usize) -> Vec<At> {
     let param_names: Vec<String> = built.params().iter().map(|p| p.name.clone()).collect();
     let mut points = Vec::new();
     if reference::models().contains(model) {
-        let has_names = |point: &reference::Point| names.iter().all(|name| point.state.contains_key(name));
-        for point in reference::read(model).points.into_iter().filter(has_names) {
+        for point in reference::read(model).points {
             points.push(At {
                 params: reference::in_order(&point.params, &param_names),
                 t: 0.0,

@@ -18,7 +18,7 @@ use hamel_tests::linear::{Rows, Vector, dot, fraction, int, inverse, times, tran
 fn a1_euler_poincare_by_stages_keeps_every_momentum() {
     let [w, v] = [1, 2].map(|seed| generic(seed, 3));
     let point = Point::new().with_vector("Omega", "", &w).with_vector("V", "", &v);
-    let mut ours = Ours::at(&spec_text("kirchhoff_body").replace("carry beta;", ""), &point);
+    let mut ours = Ours::at(&spec_text("kirchhoff_body"), &point);
     let (j, m) = (ours.params("J", 3), ours.params("M", 3));
     let c: Rows = (1..4).map(|a| (1..4).map(|b| ours.param(&format!("C{a}{b}"))).collect()).collect();
     let impulses = |w: &[Rational], v: &[Rational]| {
@@ -36,9 +36,7 @@ fn a1_euler_poincare_by_stages_keeps_every_momentum() {
 fn a1_three_stages_in_the_metric_of_the_body() {
     let [w, v, u] = [3, 4, 5].map(|seed| generic(seed, 3));
     let point = Point::new().with_vector("Omega", "", &w).with_vector("V", "", &v);
-    let text = spec_text("extended_pose")
-        .replace("carry beta;", "")
-        .replace("stage rotation;", "inner_product = G; stage rotation;");
+    let text = spec_text("extended_pose").replace("stage rotation;", "inner_product = G; stage rotation;");
     let mut ours = Ours::at(&text, &point.with_vector("U", "", &u));
     let metric: Rows = (1..10)
         .map(|a| (1..10).map(|b: i32| ours.param(&format!("G{}{}", b.min(a), b.max(a)))).collect())

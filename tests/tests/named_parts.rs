@@ -155,7 +155,6 @@ fn refuses(equations: &Equations, plant: &dyn Fn(&mut Stages)) -> bool {
 fn a_planted_fault_in_a_form_is_found() {
     let mut model = models::model("kirchhoff_body");
     model.derived_connection = None;
-    model.carries.clear();
     let equations = derive(&reduced(&model)).unwrap();
     assert!(!refuses(&equations, &|_| {}));
     let flipped = |stages: &mut Stages, k: usize| {

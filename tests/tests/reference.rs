@@ -16,7 +16,7 @@ use hamel_tests::tracked::{tracked, units_off};
 const BOUND: f64 = 64.0;
 
 fn build(model: &str) -> &'static Derived {
-    models::derived(model, reference::scene(model))
+    models::derived(model, scene::DEFAULT)
 }
 
 fn params(scene: &Derived, numbers: &Numbers) -> Vec<f64> {

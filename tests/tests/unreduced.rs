@@ -286,14 +286,7 @@ fn row(&(name, algebra, advected, is_met): &(&str, &str, usize, bool)) -> String
         assert_eq!(reduced.algebra.name(), algebra, "{name}");
     }
     let costs = [&unreduced, &reduced].map(cost);
-    let expert = shipped(name).map(|text| {
-        let mut shipped = model(&text);
-        // Both in velocities.
-        if shipped.stages.is_some() {
-            shipped.carries.clear();
-        }
-        cost(&shipped)
-    });
+    let expert = shipped(name).map(|text| cost(&model(&text)));
     if let Some(expert) = expert {
         let limit = expert as f64 * 1.05;
         assert_eq!(costs[1] as f64 <= limit, is_met, "{name}: {} beside {expert}", costs[1]);

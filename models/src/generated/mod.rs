@@ -84,8 +84,6 @@ pub mod euler_disk_taylor;
 /// Extended pose
 pub mod extended_pose;
 /// Extended pose
-pub mod extended_pose_as_written;
-/// Extended pose
 pub mod extended_pose_block_diagonal;
 /// Extended pose
 pub mod extended_pose_momenta;
@@ -128,8 +126,6 @@ pub mod heisenberg_body_as_written;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body;
 /// Kirchhoff's underwater body
-pub mod kirchhoff_body_as_written;
-/// Kirchhoff's underwater body
 pub mod kirchhoff_body_fast;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body_invariants;
@@ -139,6 +135,8 @@ pub mod kirchhoff_body_momenta;
 pub mod kirchhoff_body_reconstruction;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body_splitting;
+/// Kirchhoff's underwater body
+pub mod kirchhoff_body_stages;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body_uncoupled;
 /// Predator and prey of Lotka and Volterra
@@ -325,7 +323,6 @@ macro_rules! for_each_scene {
             (euler_disk_reconstruction, "euler_disk", "reconstruction", 8)
             (euler_disk_taylor, "euler_disk", "taylor", 5)
             (extended_pose, "extended_pose", "default", 9)
-            (extended_pose_as_written, "extended_pose", "as_written", 9)
             (extended_pose_block_diagonal, "extended_pose", "block_diagonal", 9)
             (extended_pose_momenta, "extended_pose", "momenta", 9)
             (extended_pose_reconstruction, "extended_pose", "reconstruction", 19)
@@ -347,12 +344,12 @@ macro_rules! for_each_scene {
             (heisenberg_body, "heisenberg_body", "default", 3)
             (heisenberg_body_as_written, "heisenberg_body", "as_written", 3)
             (kirchhoff_body, "kirchhoff_body", "default", 6)
-            (kirchhoff_body_as_written, "kirchhoff_body", "as_written", 6)
             (kirchhoff_body_fast, "kirchhoff_body", "fast", 6)
             (kirchhoff_body_invariants, "kirchhoff_body", "invariants", 13)
             (kirchhoff_body_momenta, "kirchhoff_body", "momenta", 6)
             (kirchhoff_body_reconstruction, "kirchhoff_body", "reconstruction", 13)
             (kirchhoff_body_splitting, "kirchhoff_body", "splitting", 6)
+            (kirchhoff_body_stages, "kirchhoff_body", "stages", 6)
             (kirchhoff_body_uncoupled, "kirchhoff_body", "uncoupled", 6)
             (lotka_volterra, "lotka_volterra", "default", 2)
             (mobile_robot, "mobile_robot", "default", 4)

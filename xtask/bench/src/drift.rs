@@ -17,12 +17,6 @@ use hamel_runtime::{
 
 use crate::body::{Body, Numbers};
 
-/// Modules whose state has the names of the reference data.
-mod generated {
-    pub(super) use hamel_models::generated::kirchhoff_body_as_written as kirchhoff_body;
-    pub(super) use hamel_models::generated::*;
-}
-
 /// Runs of each method.
 const RUNS: u32 = 4;
 /// Steps after which errors are told first.
@@ -194,19 +188,19 @@ macro_rules! for_each_model {
 
 macro_rules! models {
     (@kept $module:ident $n:literal $k:literal $motion:ident $steps:ident $say:ident) => {{
-        use generated::$module::Prepared;
+        use hamel_models::generated::$module::Prepared;
         let body = Body::<Prepared<f64>, Prepared<DoubleDouble>>::new(&$motion.params)?;
         let (gauss, verner) = (Projected::<_, $k>::new(Gauss16), Projected::<_, $k>::new(Vern9));
         $say(body.measure(("gauss16, projected", PARTS[0]), gauss, $motion, $steps / OTHERS));
         $say(body.measure(("vern9, projected", PARTS[0]), verner, $motion, $steps / OTHERS));
     }};
     (@series $module:ident $motion:ident $steps:ident $say:ident) => {{
-        use generated::$module::Prepared;
+        use hamel_models::generated::$module::Prepared;
         let body = Body::<Prepared<f64>, Prepared<DoubleDouble>>::new(&$motion.params)?;
         $say(body.measure(("taylor", PARTS[0]), Taylor::new(), $motion, $steps / OTHERS));
     }};
     (@split $module:ident $k:literal [$($x:literal),*] $motion:ident $steps:ident $say:ident) => {{
-        use generated::$module::Prepared;
+        use hamel_models::generated::$module::Prepared;
         let body = Body::<Prepared<f64>, Prepared<DoubleDouble>>::new(&$motion.params)?;
         let (options, start) = (Options::fixed(SPLIT), ([$($x),*], $motion.t_end));
         // The energy, which the steps have one near to of their own, is the last of the invariants.
@@ -227,7 +221,7 @@ macro_rules! models {
         pub fn errors(model: &str, params: &Numbers, states: &[Numbers]) -> Result<Vec<f64>, String> {
             match model {
                 $(stringify!($model) => {
-                    use generated::$model::Prepared;
+                    use hamel_models::generated::$model::Prepared;
                     let body = Body::<Prepared<f64>, Prepared<DoubleDouble>>::new(params)?;
                     let energies: Vec<DoubleDouble> =
                         states.iter().map(|state| body.energy(&body.state(state))).collect();
@@ -250,7 +244,7 @@ macro_rules! models {
             let mut say = |measured: Option<Measured>| measured.into_iter().for_each(&mut say);
             match motion.model.as_str() {
                 $(stringify!($model) => {
-                    use generated::$model::Prepared;
+                    use hamel_models::generated::$model::Prepared;
                     let body = Body::<Prepared<f64>, Prepared<DoubleDouble>>::new(&motion.params)?;
                     say(body.measure(("gauss16, short steps", PARTS[1]), Gauss16, motion, steps));
                     say(body.measure(("gauss16", PARTS[0]), Gauss16, motion, steps / OTHERS));

@@ -66,8 +66,8 @@ pub mod heavy_top {
 /// ```text
 /// (Pi, P) = K (Omega, V),    K = [[J, C], [C^T, M]],    (Omega, V)' = K^-1 (Pi x Omega + P x V, P x Omega)
 /// ```
-pub mod kirchhoff_body_as_written {
-    use super::generated::kirchhoff_body_as_written::Params;
+pub mod kirchhoff_body {
+    use super::generated::kirchhoff_body::Params;
     use super::{SMatrix, mul_add};
 
     /// `K` in its parts, and its inverse.
@@ -338,5 +338,5 @@ macro_rules! kernels {
 
 /// All of them.
 pub fn kernels() -> Vec<Kernel> {
-    kernels! { heavy_top kirchhoff_body_as_written euler_disk chaplygin_ball snakeboard }
+    kernels! { heavy_top kirchhoff_body euler_disk chaplygin_ball snakeboard }
 }

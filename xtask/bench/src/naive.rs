@@ -59,8 +59,8 @@ pub mod heavy_top {
 /// Pi = J Omega + C V,    P = C^T Omega + M V,    t = Pi x Omega + P x V,    f = P x Omega
 /// Omega' = (J - C M^-1 C^T)^-1 (t - C M^-1 f),    V' = M^-1 (f - C^T Omega')
 /// ```
-pub mod kirchhoff_body_as_written {
-    use super::generated::kirchhoff_body_as_written::Params;
+pub mod kirchhoff_body {
+    use super::generated::kirchhoff_body::Params;
     use super::{Matrix3, Vector3, inverse};
 
     /// The right-hand side.
@@ -351,7 +351,7 @@ pub(crate) use reading_parameters;
 
 /// All of them.
 pub fn kernels() -> Vec<Kernel> {
-    reading_parameters! { "naive": heavy_top kirchhoff_body_as_written euler_disk euler_disk_advected chaplygin_ball
+    reading_parameters! { "naive": heavy_top kirchhoff_body euler_disk euler_disk_advected chaplygin_ball
         snakeboard mobile_robot
     two_arm_satellite }
 }

@@ -129,7 +129,7 @@ impl Report {
         Table { lines, n_words: 3 }
     }
 
-    /// The generated right-hand sides beside the best peers that have the same state, with where the numbers come from,
+    /// The generated right-hand sides of the default scenes beside the best peers, with where the numbers come from,
     /// and all peers when they were measured in this run; none when no model has a peer.
     fn beside_peers(&self) -> Option<(String, Vec<Table>)> {
         if let Some(peers) = self.peers.as_ref().filter(|p| p.rows.iter().any(|r| !r.kernel.is_copy())) {
@@ -152,9 +152,9 @@ impl Report {
             "peer",
         ])];
         for peer in PEERS {
-            let Some(row) = self.find(peer.model, peer.scene, "hamel", 1) else { continue };
+            let Some(row) = self.find(peer.model, "default", "hamel", 1) else { continue };
             let (ns, theirs) = (self.above_copy(row), peer.ns - peers::COPY);
-            let lanes = self.find(peer.model, peer.scene, "hamel", 8).map(|r| r.min);
+            let lanes = self.find(peer.model, "default", "hamel", 8).map(|r| r.min);
             lines.push(vec![
                 peer.model.to_owned(),
                 number(row.instructions, 0),
@@ -185,16 +185,15 @@ impl Report {
             head.extend([measure, "best peer", "by", "ratio"]);
         }
         let mut lines = vec![head.into_iter().map(str::to_owned).collect()];
-        for row in self.rows.iter().filter(|r| r.kernel.kind == "hamel") {
-            let Kernel { model, scene, .. } = &row.kernel;
+        for row in self.rows.iter().filter(|r| r.kernel.scene == "default" && r.kernel.kind == "hamel") {
+            let model = &row.kernel.model;
             let of_peers = |lanes| {
-                let is = move |k: &Kernel| k.model == *model && k.scene == *scene && k.lanes == lanes;
-                peers.rows.iter().filter(move |r| is(&r.kernel))
+                peers.rows.iter().filter(move |r| r.kernel.model == *model && r.kernel.lanes == lanes)
             };
             if row.kernel.lanes != 1 || of_peers(1).next().is_none() {
                 continue;
             }
-            let lanes = self.find(model, scene, "hamel", 8);
+            let lanes = self.find(model, "default", "hamel", 8);
             let mut line = vec![model.clone()];
             line.extend(beside(row.instructions, of_peers(1), |r| r.instructions, 0));
             line.extend(beside(self.above_copy(row), of_peers(1), |r| above_copy(&peers.rows, r), 2));
@@ -259,7 +258,7 @@ impl Report {
     fn chart(&self) -> Bars {
         let counted = self.rows.iter().any(|r| r.instructions.is_some());
         let value = |row: &Row| if counted { row.instructions } else { Some(row.min) };
-        let of = |peer: &Peer, kind| self.find(peer.model, peer.scene, kind, 1).and_then(value);
+        let of = |peer: &Peer, kind| self.find(peer.model, "default", kind, 1).and_then(value);
         let best = |peer: &Peer| match &self.peers {
             Some(peers) => {
                 let of = peers.rows.iter().filter(|r| r.kernel.model == peer.model && r.kernel.lanes == 1);

@@ -168,7 +168,7 @@ pub const SWEEPS: [Sweep; 22] = [
         place: |p, d| p.set("I1", p.get("I2") * (1.0 + d)),
     },
     Sweep {
-        scene: ("kirchhoff_body", "as_written"),
+        scene: ("kirchhoff_body", "default"),
         what: "velocities times d",
         place: |p, d| p.y.iter_mut().for_each(|x| *x *= d),
     },
