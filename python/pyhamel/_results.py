@@ -134,6 +134,8 @@ class Motion:
         self.events: list[Event] = [Event(*event) for event in native.events]
         #: The event that has ended the motion.
         self.ended_by: str | None = native.ended_by
+        #: Singular positions that the motion has passed: times, and how many equations depend on the others there.
+        self.singular_positions: list[tuple[float, int]] = native.singular_positions
         #: Time and state at the end.
         self.t_end, self.y_end = native.end
         #: Method, steps, evaluations, drift of the energy, residual of the constraint, seconds.

@@ -377,6 +377,12 @@ impl Motion {
         self.response.ended_by.clone()
     }
 
+    /// Times of singular positions that were passed, and how many equations each has lost.
+    #[getter]
+    fn singular_positions(&self) -> Vec<(f64, usize)> {
+        self.response.singular_positions.iter().map(|passed| (passed.t, passed.n_lost)).collect()
+    }
+
     /// Time and state at the end.
     #[getter]
     fn end<'py>(&self, py: Python<'py>) -> (f64, Bound<'py, PyArray1<f64>>) {

@@ -50,8 +50,7 @@ impl Course<'_> {
         M: Method<f64, PreparedScene<'f>>,
     {
         let (t, y) = (0.0, self.request.initial.clone());
-        let nothing = (None, None, Vec::new());
-        let (error, refusal, passed) = nothing;
+        let (error, refusal, passed) = (None, None, Vec::new());
         let mut reached = Reached { t, y, error, refusal, steps: 0, rejected: 0, rhs_evals: 0, passed };
         self.leg((scene, method), &mut reached, self.request.t_final, watcher)?;
         let (rtol, step) = match self.request.steps {
