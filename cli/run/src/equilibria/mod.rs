@@ -289,7 +289,8 @@ impl<'a> Search<'a> {
         }
         let mut equations = self.equations();
         self.hold_first(&mut equations);
-        let drifts = self.first_drifts(&equations);
+        let values = self.field.values(&self.guess).ok_or_else(|| self.missed(Missed::NoValue))?;
+        let drifts = first_drifts(&equations, &DVector::from_vec(values.rates));
         let start = equations.unknowns(&self.guess, &drifts, 0.0);
         let x = equations.solve(&start, &[]).map_err(|missed| self.missed(missed))?;
         let at = equations.point(&x);
@@ -416,8 +417,9 @@ impl<'a> Search<'a> {
         };
         let phase = across(equations.symmetries, &guess.y, values.rates).ok_or_else(no_value)?;
         let frame = Frame { phase, turns: DVector::from_fn(n, |k, _| turn(k)) };
+        let change = DVector::from_fn(n, |k, _| reached[k] - guess.y[k]) - &frame.turns;
         let orbit = Orbit { equations: &equations, flow, frame: &frame };
-        let drifts = vec![0.0; equations.symmetries.len()];
+        let drifts = first_drifts(&equations, &(change / period));
         let start = orbit.joined(&equations.unknowns(guess, &drifts, 0.0), period);
         let is_at_rest = |x: &DVector<f64>| {
             let (inner, period) = orbit.parted(x);
@@ -500,19 +502,6 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Drifts that meet the rates of the guess best.
-    fn first_drifts(&self, equations: &Equations<'_>) -> Vec<f64> {
-        let n = equations.symmetries.len();
-        let start = equations.unknowns(&self.guess, &vec![0.0; n], 0.0);
-        let Some(values) = self.field.values(&self.guess).filter(|_| n > 0) else { return vec![0.0; n] };
-        let y = DVector::from_column_slice(&self.guess.y);
-        let moved: Vec<_> = equations.symmetries.iter().map(|s| s.at(&y)).collect();
-        let columns = DMatrix::from_columns(&moved);
-        let rates = DVector::from_vec(values.rates);
-        let found = columns.clone().svd(true, true).solve(&rates, 1e-10 * columns.norm().max(1e-300));
-        found.map_or_else(|_| equations.drifts(&start), |c| c.iter().copied().collect())
-    }
-
     fn equilibrium(
         &self,
         equations: &Equations<'_>,
@@ -569,6 +558,20 @@ impl<'a> Search<'a> {
         };
         Error::unusable("the guess", format!("{reason}; give another one{free}"))
     }
+}
+
+/// Drifts that meet rates at the guess best.
+fn first_drifts(equations: &Equations<'_>, rates: &DVector<f64>) -> Vec<f64> {
+    let n = equations.symmetries.len();
+    if n == 0 {
+        return Vec::new();
+    }
+    let y = DVector::from_column_slice(&equations.base.y);
+    let moved: Vec<_> = equations.symmetries.iter().map(|s| s.at(&y)).collect();
+    let columns = DMatrix::from_columns(&moved);
+    let least = 1e-10 * columns.norm().max(1e-300);
+    let found = columns.svd(true, true).solve(rates, least);
+    found.map_or_else(|_| vec![0.0; n], |c| c.iter().copied().collect())
 }
 
 /// Whether an invariant says where a motion is on its way, and is no condition on its state: energies and momenta.
