@@ -23,7 +23,7 @@ use super::scale::energy_scale;
 /// Nodes of the path, and of one that checks it.
 const NODES: (usize, usize) = (16, 12);
 
-/// Nodes at which the motion is extrapolated by.
+/// Nodes of the polynomials that go on from the motion before a path.
 const NODES_BEFORE: usize = 9;
 
 /// Parts of the way in which a singular value is looked for that falls to zero.
@@ -360,8 +360,8 @@ impl<'f, M: Method<f64, PreparedScene<'f>>> Way<'_, 'f, M> {
     }
 }
 
-/// Where the least singular value, with a sign that changes in the middle, is zero: by the
-/// polynomial through the six nodes there.
+/// Where the least singular value, with a sign that changes in the middle, is zero: by the polynomial through the six
+/// nodes there.
 fn zero_of(branch: &Branch<'_>, span: Span, solved: &Solved) -> Result<f64, Refusal> {
     let places = &solved.nodes.places;
     let after = places.partition_point(|x| *x < 0.0);

@@ -6,8 +6,8 @@
 //! ```
 //!
 //! for the state `y`, the drifts `c` and the period `T`, beside what an equilibrium keeps; `f'` are the rates without
-//! their part along symmetries, which move an orbit as a whole. The flow `F_T` with its
-//! derivatives is the integrator's, events and what they set included, so that gaits with impacts are such orbits.
+//! their part along symmetries, which move an orbit as a whole. The flow `F_T` with its derivatives is the
+//! integrator's, events and what they set included, so that gaits with impacts are such orbits.
 //!
 //! The motion of a state that breaks an equation between coordinates or a constraint, as states on the way of Newton's
 //! method do, is that of the nearest state that keeps them.
@@ -27,6 +27,9 @@ use crate::direction::Direction;
 /// Zeros among singular values of a flow's derivatives, such as moves along a symmetry, are integrated to this part of
 /// the largest.
 const RANK: f64 = 1e-8;
+
+/// Most steps of a search, and most times that a step is shortened: each takes a motion of a period.
+const LIMITS: (usize, usize) = (50, 16);
 
 /// The state that a motion reaches after a time, and its derivatives along some directions; nothing where the motion
 /// does not go so far.
@@ -218,6 +221,10 @@ impl Orbit<'_> {
 impl Solvable for Orbit<'_> {
     fn rank(&self) -> f64 {
         RANK
+    }
+
+    fn limits(&self) -> (usize, usize) {
+        LIMITS
     }
 
     fn residual(&self, x: &DVector<f64>) -> Option<DVector<f64>> {

@@ -23,10 +23,8 @@ use super::symmetry::Symmetry;
 
 /// Singular values below this part of the largest are zeros.
 const RANK: f64 = 1e-10;
-/// Most steps.
-const MAX_STEPS: usize = 200;
-/// Most times that a step is shortened, or damped more.
-const MAX_HALVINGS: usize = 40;
+/// Most steps of a search, and most times that a step is shortened, or damped more.
+const LIMITS: (usize, usize) = (200, 40);
 /// A step so small beside the unknowns ends the search.
 const SMALL_STEP: f64 = 1e-13;
 /// A residual counts as rounding up to this part of the size of its terms.
@@ -152,13 +150,19 @@ pub(super) trait Solvable {
         RANK
     }
 
+    /// Most steps of a search, and most times that a step is shortened, or damped more.
+    fn limits(&self) -> (usize, usize) {
+        LIMITS
+    }
+
     /// The residuals and their derivatives; nothing where they have no value.
     fn linear(&self, x: &DVector<f64>) -> Option<Linear>;
 
     /// The solution near unknowns, with these further linear equations `row . x = value`.
     fn solve(&self, start: &DVector<f64>, further: &[(DVector<f64>, f64)]) -> Result<DVector<f64>, Missed> {
         let mut x = start.clone();
-        for _ in 0..MAX_STEPS {
+        let (steps, halvings) = self.limits();
+        for _ in 0..steps {
             let Some(linear) = self.linear(&x).map(|linear| with_rows(linear, &x, further)) else {
                 return Err(Missed::NoValue);
             };
@@ -166,7 +170,7 @@ pub(super) trait Solvable {
             let Some(svd) = Svd::of_rank(&linear.jacobian, self.rank()) else { return Err(Missed::NoValue) };
             let mut found = None;
             let mut damping = 0.0;
-            for _ in 0..MAX_HALVINGS {
+            for _ in 0..halvings {
                 let step = svd.step(&linear.residual, damping);
                 let next = &x + &step;
                 let residual = self.residual(&next);
