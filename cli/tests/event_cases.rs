@@ -6,12 +6,11 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::{Command, Stdio};
 
-use hamel_codegen::scene::{self, Writing};
-use hamel_codegen::spec;
+use hamel_codegen::scene;
 use serde_json::{Value, json};
 
+use crate::common::fmus::{By, Fmu, has_compiler};
 use crate::common::program;
 
 use crate::common::event_table::{Case, End, cases};
@@ -261,8 +260,7 @@ fn ensembles_bound_their_steps_and_carry_events_out() {
 
 #[test]
 fn co_simulation_carries_the_events_out_whatever_the_communication_step() {
-    let is_there = Command::new("cc").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
-    if !is_there.is_ok_and(|status| status.success()) {
+    if !has_compiler() {
         println!("no C compiler: FMUs are not tried");
         return;
     }
@@ -271,46 +269,21 @@ fn co_simulation_carries_the_events_out_whatever_the_communication_step() {
             println!("{}: FMUs have no motion backward", case.name);
             continue;
         }
-        let model = spec::parse("m", &model(&case)).unwrap_or_else(|e| panic!("{e}"));
-        let built = scene::build(&model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"));
-        let initial = scene::start(&model, &built).unwrap_or_else(|e| panic!("{e}"));
-        let (c, fmu) = built.emit_fmu(&Writing::default(), initial).unwrap_or_else(|e| panic!("{e}"));
-        let name: String = case.name.chars().filter(char::is_ascii_alphanumeric).collect();
-        let folder = folder().join(format!("fmu_{name}"));
-        std::fs::create_dir_all(&folder).unwrap();
-        for (file, text) in [("m.h", &c.header), ("m.c", &c.source), ("m_fmu.c", &fmu.source)] {
-            std::fs::write(folder.join(file), text).unwrap();
-        }
-        let driver = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/events/cosimulation.c");
-        let mut compiler = Command::new("cc");
-        compiler.args(["-std=c99", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-o", "run"]);
-        let out = compiler.args(["m.c", "m_fmu.c", driver, "-lm"]).current_dir(&folder).output().unwrap();
-        assert!(out.status.success(), "{}: {}", case.name, text(&out.stderr));
-        let token = fmu.source.split("FMU_TOKEN \"").nth(1).and_then(|rest| rest.split('"').next()).unwrap();
+        let fmu = Fmu::of(case.name, &model(&case), scene::DEFAULT);
         for size in [0.01, 0.37, 2.0, 5.0, 10.0] {
-            let mut command = Command::new(folder.join("run"));
-            let n = case.initial.len().to_string();
-            let out =
-                command.args([token, &case.t_final.to_string(), &size.to_string(), &n]).output().unwrap();
-            let (what, told) = (format!("{} in steps of {size}", case.name), text(&out.stdout));
-            assert!(out.status.success(), "{what}: {told}");
-            let lines: Vec<&str> = told.lines().collect();
-            let at = lines.iter().position(|line| !line.starts_with("failed")).unwrap();
-            let numbers: Vec<f64> = lines[at + 1..].iter().map(|line| line.parse().unwrap()).collect();
+            let (failures, end, numbers) = fmu.moved(By::Itself, case.t_final, size);
+            let what = format!("{} in steps of {size}: {failures:?}", case.name);
             match &case.end {
                 End::Accumulates(t) => {
-                    assert!(
-                        lines[at] == "stopped" && lines[0].contains("events accumulate"),
-                        "{what}: {told}"
-                    );
-                    assert!((numbers[0] - t).abs() < 1e-6, "{what}: {told}");
+                    assert!(end == "stopped" && failures[0].contains("events accumulate"), "{what}");
+                    assert!((numbers[0] - t).abs() < 1e-6, "{what}: {numbers:?}");
                 }
                 End::By(_) => {
-                    assert_eq!(lines[at], "ended", "{what}");
-                    assert!(is_close(numbers[0], case.events[0].1), "{what}: {told}");
+                    assert_eq!(end, "ended", "{what}");
+                    assert!(is_close(numbers[0], case.events[0].1), "{what}: {numbers:?}");
                 }
                 End::Reached(last) => {
-                    assert_eq!(lines[at], "reached", "{what}: {told}");
+                    assert_eq!(end, "reached", "{what}");
                     // Methods of order five at a tolerance of 1e-11.
                     let is_close = |a: &f64, b: &f64| (a - b).abs() < 1e-6 * (1.0 + b.abs());
                     assert!(

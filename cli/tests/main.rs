@@ -18,6 +18,7 @@ mod folds;
 mod forms;
 mod inputs;
 mod listed;
+mod lost_ranks;
 mod matrices;
 mod noise;
 mod outputs;

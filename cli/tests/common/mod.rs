@@ -1,6 +1,7 @@
 //! Comparison of the program's answers with reference values made without any reduced theory.
 
 pub(crate) mod event_table;
+pub(crate) mod fmus;
 pub(crate) mod pages;
 pub(crate) mod program;
 

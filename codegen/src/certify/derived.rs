@@ -120,6 +120,17 @@ impl Results<'_, '_> {
             let moving = v.iter_mut().zip(&self.motion.rates);
             moving.filter(|(_, rate)| rate.size() == 0.0).for_each(|(v, _)| *v = Wide::ZERO);
         }
+        if matrix.name == "constraint_gradients" {
+            // By velocities alone, whose rates may vanish.
+            let system = &self.setting.claim.equations.system;
+            let is_velocity = |s: &SymbolId| {
+                system.unknowns.iter().any(|unknown| unknown.symbol == *s)
+                    || system.momenta.iter().any(|momentum| momentum.symbol == Some(*s))
+            };
+            v = random.vector(matrix.shape.1);
+            let others = v.iter_mut().zip(&self.setting.state).filter(|(_, s)| !is_velocity(s));
+            others.for_each(|(v, _)| *v = Wide::ZERO);
+        }
         let mut found = vec![Wide::ZERO; matrix.shape.0];
         for ((i, j), e) in matrix.pattern.iter().zip(&entries) {
             found[*i] += *e * v[*j];
@@ -156,6 +167,7 @@ impl Results<'_, '_> {
             let values = match matrix.name {
                 "invariant_gradients" => Want::Invariants,
                 "position_gradients" => Want::Positions,
+                "constraint_gradients" => Want::Constraint,
                 _ => return Err(Open::Because("a matrix of no known function")),
             };
             self.slope(&Role::Output(values.name().to_owned()), &Direction { state: v, ..self.still() })

@@ -26,7 +26,9 @@ use super::plan::{Asked, DEFAULT, Drops, Outputs, Plan, Share};
 use super::quotient;
 use super::roles::{VariableRole, all_params, variable_roles};
 use super::splitting;
-use super::{bracket, derivatives, discrete, dynamics, events, frames, implicit, invariants, positions};
+use super::{
+    bracket, derivatives, discrete, dynamics, events, frames, implicit, invariants, positions, ranks,
+};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]
@@ -430,6 +432,22 @@ pub(super) fn lower_scene(
             }
         }
     }
+    let mut ranks = None;
+    if plan.ranks {
+        let found = ranks::find(&mut graph, &equations, &state);
+        graph.within_budget()?;
+        if let Some((found, rows, how)) = found {
+            let is_there = |o: &Output| outputs.iter().any(|other| other.name == o.name);
+            let further: Vec<Output> = found.outputs.into_iter().filter(|o| !is_there(o)).collect();
+            outputs.extend(further);
+            if !matrices.iter().any(|matrix| matrix.name == rows.matrix) {
+                matrices.push(found.gradients);
+            }
+            own_sections.extend(found.sections);
+            layout = layout.or(how);
+            ranks = Some(rows);
+        }
+    }
     if plan.phases {
         outputs.push(bundle::phases_of(&mut graph, &equations, &state)?);
     }
@@ -548,6 +566,7 @@ pub(super) fn lower_scene(
         implicit: implicit_form,
         discrete: discrete_steps,
         positions: layout,
+        ranks,
         total,
         flows,
         events,

@@ -20,6 +20,7 @@ use super::events::SceneEvent;
 use super::frames;
 use super::implicit::Implicit;
 use super::positions::PositionLayout;
+use super::ranks::RankLayout;
 
 /// A scene after the whole pipeline: its equations and its program.
 #[derive(Clone, Debug)]
@@ -34,6 +35,7 @@ pub struct BuiltScene {
     pub(super) implicit: Option<Implicit>,
     pub(super) discrete: Option<Discrete>,
     pub(super) positions: Option<PositionLayout>,
+    pub(super) ranks: Option<RankLayout>,
     /// The system that the model is the quotient of, where the scene wants the map.
     pub(super) total: Option<Arc<TotalSystem>>,
     pub(super) flows: Vec<Vec<String>>,

@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use hamel_expr::{ExprId, Graph, SymbolId, needed_sections};
+use hamel_expr::{ExprId, Graph, Section, SymbolId, needed_sections};
 use hamel_mechanics::mechanics::{Equations, OutputKind, StateEquation};
 
 /// Base coordinates on which neither another state variable's rate, nor a wanted result, nor a pivot depends.
@@ -55,7 +55,12 @@ pub(super) fn left_out(equations: &Equations, state: &[StateEquation]) -> BTreeS
 
 /// Whether a value depends on one of `symbols`, also by the sections that it uses.
 pub(super) fn needs(g: &Graph, equations: &Equations, e: ExprId, symbols: &BTreeSet<SymbolId>) -> bool {
-    let sections = needed_sections(g, &equations.sections, &[e]);
+    needs_by(g, &equations.sections, e, symbols)
+}
+
+/// The same by other sections.
+pub(super) fn needs_by(g: &Graph, sections: &[Section], e: ExprId, symbols: &BTreeSet<SymbolId>) -> bool {
+    let sections = needed_sections(g, sections, &[e]);
     let definitions = sections.iter().flat_map(|s| &s.definitions).map(|d| d.expr);
     definitions.chain([e]).any(|e| g.depends_on(e, symbols))
 }

@@ -37,6 +37,7 @@ mod plan;
 mod positions;
 mod prior;
 mod quotient;
+mod ranks;
 mod roles;
 mod splitting;
 mod start;
@@ -100,6 +101,7 @@ pub struct Scenes {
     /// What every scene has besides what it wants.
     derivatives: Vec<Derivative>,
     positions: bool,
+    ranks: bool,
 }
 
 impl Scenes {
@@ -110,7 +112,12 @@ impl Scenes {
 
     /// As [`new`](Self::new), of a model that others share.
     pub fn of(model: Arc<Model>) -> Scenes {
-        Scenes { derivations: Derivations::new(model), derivatives: Vec::new(), positions: false }
+        Scenes {
+            derivations: Derivations::new(model),
+            derivatives: Vec::new(),
+            positions: false,
+            ranks: false,
+        }
     }
 
     /// The same with derivatives of the right-hand side in every scene, besides those that it wants.
@@ -122,6 +129,13 @@ impl Scenes {
     /// The same with the equations between coordinates, where a scene carries these, besides what it wants.
     pub fn with_positions(mut self, positions: bool) -> Scenes {
         self.positions = positions;
+        self
+    }
+
+    /// The same with the rows whose rank a motion may lose, the gradients of constraints by velocities or of equations
+    /// between coordinates, where a scene has any: [`BuiltScene::emit_fmu`] notices a loss by them.
+    pub fn with_ranks(mut self, ranks: bool) -> Scenes {
+        self.ranks = ranks;
         self
     }
 
@@ -203,6 +217,7 @@ impl Scenes {
             if self.positions && plan.positions == Share::None {
                 plan.positions = Share::Possible;
             }
+            plan.ranks = self.ranks;
             plan
         });
         plan.ok_or_else(|| {

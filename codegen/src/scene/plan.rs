@@ -44,6 +44,8 @@ pub(super) struct Plan {
     pub(super) invariants: bool,
     /// Residuals of the equations between coordinates.
     pub(super) positions: Share,
+    /// The rows that a motion keeps independent, where there are any.
+    pub(super) ranks: bool,
     /// Rates of geometric and dynamic phases.
     pub(super) phases: bool,
     /// The local form of the connection and its curvature, along so many velocities of the algebra.
@@ -133,6 +135,7 @@ impl Plan {
             derivatives,
             invariants,
             positions,
+            ranks,
             phases,
             connection,
             dirac,
@@ -155,6 +158,7 @@ impl Plan {
         let has_outputs = !matches!(outputs, Outputs::Named(wanted) if wanted.is_empty());
         let wants = [
             *invariants,
+            *ranks,
             *phases,
             connection.is_some(),
             *dirac,
@@ -186,6 +190,7 @@ impl Plan {
             derivatives: BTreeSet::new(),
             invariants: false,
             positions: Share::None,
+            ranks: false,
             phases: false,
             connection: None,
             dirac: false,

@@ -11,8 +11,8 @@ use hamel_lang::spec::{EventDirection, Unit, Want};
 use hamel_mechanics::reduction::StageUse;
 use hamel_program::emit::{
     self, CModule, DiscreteText, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, InitialText,
-    MatrixText, OutputText, ParamText, PositionsText, ProductText, QuotientText, SceneEntry, SceneText,
-    Script, ScriptLanguage, SelfTestText, StateText, UnitText, UnitTexts, WasmModule,
+    MatrixText, OutputText, ParamText, PositionsText, ProductText, QuotientText, RanksText, SceneEntry,
+    SceneText, Script, ScriptLanguage, SelfTestText, StateText, UnitText, UnitTexts, WasmModule,
 };
 use hamel_program::program::{Jet, Program, Role};
 
@@ -26,6 +26,7 @@ use super::interpreter;
 use super::positions::{self, PositionLayout};
 use super::prior::told_in_words;
 use super::quotient;
+use super::ranks::RankLayout;
 use super::splitting::flow_role;
 use super::start::Start;
 
@@ -302,6 +303,7 @@ impl BuiltScene {
             discrete: self.discrete().map(discrete_text),
             quotient: self.total.as_deref().map(|total| quotient_text(total, &self.program)),
             positions: self.positions().map(positions_text),
+            ranks: self.ranks.as_ref().map(ranks_text),
             flows: self.flows().iter().enumerate().map(flow_text).collect(),
             units: self.unit_texts(),
             events: self.events().iter().map(event_text).collect(),
@@ -449,6 +451,10 @@ fn positions_text(layout: &PositionLayout) -> PositionsText {
         n_equations: layout.n_equations,
         moved: layout.moved.clone(),
     }
+}
+
+fn ranks_text(layout: &RankLayout) -> RanksText {
+    RanksText { matrix: layout.matrix.to_owned(), rows: layout.rows.clone(), moving: layout.moving.clone() }
 }
 
 impl BuiltScene {

@@ -27,8 +27,8 @@ pub use script::{Script, ScriptLanguage};
 pub use text::{
     CarriedText, DiscreteText, EventText, FlowText, FluidModeText, FluidTermText, FluidText, GroupKind,
     GroupText, GroupTexts, ImplicitText, ImplicitVariableText, InitialText, MatrixText, OutputText,
-    ParamText, PositionsText, ProductText, QuotientText, SceneText, SelfTestText, StateText, SurfaceText,
-    TraceText, UnitText, UnitTexts,
+    ParamText, PositionsText, ProductText, QuotientText, RanksText, SceneText, SelfTestText, StateText,
+    SurfaceText, TraceText, UnitText, UnitTexts,
 };
 
 /// Emits the module of one scene.

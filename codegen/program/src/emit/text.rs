@@ -45,6 +45,8 @@ pub struct SceneText {
     pub quotient: Option<QuotientText>,
     /// The equations between coordinates, where the scene wants them.
     pub positions: Option<PositionsText>,
+    /// The rows whose rank a motion may lose, where the scene has them.
+    pub ranks: Option<RanksText>,
     /// The exact flows, the functions [`Role::Flow`] of the program.
     pub flows: Vec<FlowText>,
     /// Units, as far as they are known.
@@ -107,6 +109,17 @@ pub struct PositionsText {
     pub n_equations: usize,
     /// Components of the state that are moved to solve the equations.
     pub moved: Vec<usize>,
+}
+
+/// Rows of a matrix that a motion keeps independent.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RanksText {
+    /// The matrix.
+    pub matrix: String,
+    /// Which of its rows they are.
+    pub rows: Vec<usize>,
+    /// Components of the state that they depend on.
+    pub moving: Vec<usize>,
 }
 
 /// What the module of a fluid that is moved as products of matrices says.

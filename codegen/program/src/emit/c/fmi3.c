@@ -66,6 +66,11 @@ typedef struct {
     double shortest;
     /* Whether the motion has ended by an event. */
     bool has_ended;
+#ifdef FMU_ROWS
+    /* Where the last completed step of an importer has ended. */
+    double seen_t;
+    double seen_y[FMU_STATE];
+#endif /* FMU_ROWS */
     double tolerance;
     /* The next step of the method. */
     double h;
@@ -528,7 +533,12 @@ FMI3_EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, bool *nee
 }
 
 FMI3_EXPORT fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) {
-    ((Instance *)instance)->data.mode = CONTINUOUS;
+    Data *d = &((Instance *)instance)->data;
+    d->mode = CONTINUOUS;
+#ifdef FMU_ROWS
+    d->seen_t = d->t;
+    memcpy(d->seen_y, d->y, sizeof d->seen_y);
+#endif /* FMU_ROWS */
     return fmi3OK;
 }
 
@@ -539,6 +549,16 @@ FMI3_EXPORT fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, bool n
     if (ready(m) != fmi3OK) {
         return fmi3Error;
     }
+#ifdef FMU_ROWS
+    Data before = m->data;
+    before.t = m->data.seen_t;
+    memcpy(before.y, m->data.seen_y, sizeof before.y);
+    if (loses_rank(&before, m->data.t, m->data.y)) {
+        return fail(m, lost_rank);
+    }
+    m->data.seen_t = m->data.t;
+    memcpy(m->data.seen_y, m->data.y, sizeof m->data.seen_y);
+#endif /* FMU_ROWS */
     fmu_events(&m->data.prepared, m->data.t, m->data.y, now);
     *enter_event_mode = *terminate = false;
     for (int k = 0; k < FMU_EVENTS; k++) {

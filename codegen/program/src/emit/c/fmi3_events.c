@@ -146,6 +146,8 @@ static double step(const Data *d, double h, double *next, double (*slopes)[AT_LE
     return sqrt(norm / AT_LEAST_ONE(FMU_STATE));
 }
 
+/* RANKS */
+
 /* The functions of events after a shorter step from where the motion is. */
 static void inside(const Data *d, double s, double *now) {
     double y[AT_LEAST_ONE(FMU_STATE)];
@@ -517,6 +519,14 @@ static fmi3Status advance(Instance *m, double end) {
             return fail(m, message);
         }
         d->h = is_last && longer < d->h ? d->h : longer;
+#ifdef FMU_ROWS
+        if (at > 0.0) {
+            step(d, at, next, NULL);
+        }
+        if (at != 0.0 && loses_rank(d, d->t + (at > 0.0 ? at : h), next)) {
+            return fail(m, lost_rank);
+        }
+#endif /* FMU_ROWS */
         if (at < 0.0) {
             d->t = is_last ? end : d->t + h;
             memcpy(d->y, next, sizeof next);

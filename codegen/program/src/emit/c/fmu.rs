@@ -42,8 +42,15 @@ const FUNCTIONS: &str = include_str!("fmi3.c");
 const EVENTS: &str = include_str!("fmi3_events.c");
 const EVENTS_HERE: &str = "/* EVENTS */\n";
 
-/// What stands before and after lines of [`FUNCTIONS`] that scenes with inputs alone have.
+/// Whether a motion has lost the rank of its constraints, before the steps of co-simulation.
+const RANKS: &str = include_str!("fmi3_ranks.c");
+const RANKS_HERE: &str = "/* RANKS */\n";
+
+/// What stands before and after lines that scenes with inputs alone have.
 const WITH_INPUTS: [&str; 2] = ["#ifdef FMU_INPUTS\n", "#endif /* FMU_INPUTS */\n"];
+
+/// What stands before and after lines that scenes alone have whose constraints may lose their rank.
+const WITH_ROWS: [&str; 2] = ["#ifdef FMU_ROWS\n", "#endif /* FMU_ROWS */\n"];
 
 impl Writer<'_> {
     /// The FMU.
@@ -58,7 +65,7 @@ impl Writer<'_> {
         let description = self.description("TOKEN");
         let token = fingerprint(&[&description, &body, &self.header, &self.source]);
         let first = self.first_line();
-        let functions = functions(!self.inputs().is_empty());
+        let functions = functions(!self.inputs().is_empty(), self.module.text.ranks.is_some());
         let source = format!(
             "{first}#include \"{prefix}.h\"\n\n#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>\n\
              #include <stdlib.h>\n#include <string.h>\n\n\
@@ -186,7 +193,7 @@ impl Writer<'_> {
              static int fmu_check({arguments}) {{\n    return {prefix}_check(p, t, y);\n}}\n\n\
              static void fmu_rates({arguments}, double *dy) {{\n    {prefix}_rhs(p, t, y, dy);\n}}\n\n\
              static void fmu_outputs({arguments}, double *out) {{\n{outputs}}}\n\n\
-             static void fmu_events({arguments}, double *out) {{\n{events}}}\n\n\
+             static void fmu_events({arguments}, double *out) {{\n{events}}}\n\n{rows}\
              static int fmu_direction(int event) {{\n{direction}}}\n\n\
              static int fmu_apply(const fmu_prepared *p, int event, double t, double *y) {{\n{apply}}}\n\n\
              /* Derivatives of rates, outputs and functions of events along a direction of all that they depend on. */\n\
@@ -197,7 +204,41 @@ impl Writer<'_> {
             n_params = module.params.len() + m,
             outputs = unread(&outputs),
             events = unread(&events),
+            rows = self.rows(&call),
         ))
+    }
+
+    /// The rows that may become dependent, one after the other; empty where there are none.
+    fn rows(&self, call: &impl Fn(&OutputRoutine<'_>, usize) -> String) -> String {
+        let module = self.module;
+        let Some(text) = &module.text.ranks else { return String::new() };
+        let Some((output, matrix)) = module.outputs.iter().find_map(|output| {
+            let (matrix, _) = output.matrix.as_ref()?;
+            (matrix.name == text.matrix).then_some((output, matrix))
+        }) else {
+            return String::new();
+        };
+        let mut entries = String::new();
+        for (k, (i, j)) in matrix.pattern.iter().enumerate() {
+            if let Some(row) = text.rows.iter().position(|own| own == i) {
+                let _ = writeln!(entries, "    rows[{row}][{j}] = out[{k}];");
+            }
+        }
+        let moving: Vec<String> = text.moving.iter().map(usize::to_string).collect();
+        format!(
+            "enum {{ FMU_ROWS = {n_rows}, FMU_MOVING = {n_moving} }};\n\n\
+             /* Components of the state that the rows depend on. */\n\
+             static const int fmu_moving[FMU_MOVING] = {{{moving}}};\n\n\
+             /* Gradients of constraints that a motion keeps independent. */\n\
+             static void fmu_rows(const fmu_prepared *p, double t, const double *y, double (*rows)[FMU_STATE]) {{\n    \
+                 double out[{n}];\n    \
+                 memset(rows, 0, FMU_ROWS * sizeof *rows);\n{values}{entries}}}\n\n",
+            n_rows = text.rows.len(),
+            n_moving = moving.len(),
+            moving = moving.join(", "),
+            n = matrix.pattern.len(),
+            values = call(output, 0),
+        )
     }
 
     /// The description of the model.
@@ -342,7 +383,8 @@ impl Writer<'_> {
              providesDirectionalDerivatives=\"true\" providesAdjointDerivatives=\"true\""
         );
         // Signs of functions of events are followed from step to step.
-        let told_steps = if first_event < reference { " needsCompletedIntegratorStep=\"true\"" } else { "" };
+        let is_told = first_event < reference || module.text.ranks.is_some();
+        let told_steps = if is_told { " needsCompletedIntegratorStep=\"true\"" } else { "" };
         format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
              <fmiModelDescription fmiVersion=\"3.0\" modelName=\"{prefix}\" instantiationToken=\"{token}\"{doc} \
@@ -361,14 +403,19 @@ impl Writer<'_> {
     }
 }
 
-/// The functions of FMI for a scene with or without inputs.
-fn functions(has_inputs: bool) -> String {
-    let all = FUNCTIONS.replace(EVENTS_HERE, EVENTS);
-    let mut pieces = all.split(WITH_INPUTS[0]);
+/// The functions of FMI for a scene with or without inputs, and rows that may become dependent.
+fn functions(has_inputs: bool, has_rows: bool) -> String {
+    let all = FUNCTIONS.replace(EVENTS_HERE, EVENTS).replace(RANKS_HERE, RANKS);
+    with_or_without(WITH_ROWS, has_rows, &with_or_without(WITH_INPUTS, has_inputs, &all))
+}
+
+/// A text with the lines between two marks, or without them.
+fn with_or_without([begin, end]: [&str; 2], are_there: bool, all: &str) -> String {
+    let mut pieces = all.split(begin);
     let mut text = pieces.next().unwrap_or_default().to_owned();
     for piece in pieces {
-        let (with_inputs, after) = piece.split_once(WITH_INPUTS[1]).unwrap_or((piece, ""));
-        text.push_str(if has_inputs { with_inputs } else { "" });
+        let (between, after) = piece.split_once(end).unwrap_or((piece, ""));
+        text.push_str(if are_there { between } else { "" });
         text.push_str(after);
     }
     text
