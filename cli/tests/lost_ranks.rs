@@ -7,8 +7,8 @@ use crate::common::fmus::{By, Fmu, has_compiler};
 
 const WINDOWS: &str = include_str!("../../docs/book/four_bar_windows.hamel");
 
-/// When the cranks of one, two and five windows lie flat first, as `hamel simulate` tells.
-const FLAT: [(usize, f64); 3] = [(1, 0.708450), (2, 0.714356), (5, 0.718695)];
+/// When the cranks of one window and of two lie flat first, as `hamel simulate` tells.
+const FLAT: [(usize, f64); 2] = [(1, 0.708450), (2, 0.714356)];
 
 /// What an FMU says until it has lost the rank.
 fn lost(name: &str, text: &str, scene: &str, by: By, size: f64) -> Option<f64> {
@@ -53,9 +53,11 @@ fn every_scene_has_its_rows() {
         return;
     }
     let text = WINDOWS.replace("size n = 2", "size n = 1").replace("model four_bar_windows", "model m");
-    let text = text
-        .replace("initial x =", "scene bare { want rhs; } scene momenta { carry p; want rhs; } initial x =");
-    let text = text.replace("multipliers;", "multipliers; momentum p of x1_dot, x2_dot, y1_dot, y2_dot;");
+    let text = text.replace(
+        "initial x =",
+        "scene bare { want rhs; } scene momenta { carry p, q; want rhs; } initial x =",
+    );
+    let text = text.replace("multipliers;", "multipliers; momentum p of x1_dot; momentum q of y1_dot;");
     for scene in ["bare", "momenta"] {
         let found = lost("bare_windows", &text, scene, By::Itself, 10.0).expect("a lost rank");
         assert!((found - FLAT[0].1).abs() < 0.12, "{scene}: {found}");
@@ -72,7 +74,6 @@ fn constraints_on_velocities_stop_where_they_fold_together() {
     for (name, constraints, is_lost) in [
         ("opposed", "constraint y_dot = x*z_dot; constraint y_dot = -x*z_dot;", true),
         ("factors", "constraint x*y_dot = x*sin(z)*z_dot;", false),
-        ("factor_of_one", "constraint x*y_dot = x*sin(z)*z_dot; constraint z_dot = cos(y)*x_dot;", false),
         ("constant", "constraint y_dot = 2*z_dot; constraint x_dot = -1/2 + z_dot;", false),
     ] {
         let text = format!(

@@ -473,6 +473,7 @@ fn faults() -> Vec<Fault> {
         };
         "a gradient of an equation between positions" in LOOP "all": Program(p) =>
             swap(p, &values("position_gradients"), (0, 1));
+        "a gradient of a constraint" in LOOP "all": Program(p) => swap(p, &values("constraint_gradients"), (0, 1));
         "a residual of the constraint" in LOOP "all": Program(p) => swap(p, &values("constraint"), (0, 1));
         "a point of the circle" in LOOP "points": Equations(e) => {
             let k = e.state.iter().position(|s| s.name == "theta_s").expect("a point of the circle");

@@ -23,7 +23,7 @@ pub enum Made<'a> {
     Program(&'a mut Program),
 }
 
-/// Builds a scene as [`build`](super::build) does, and calls `fault` with what every step has made.
+/// Builds a scene as [`build`](super::build) does, with the rows whose rank it may lose, and calls `fault` with what every step has made.
 ///
 /// # Errors
 /// As [`build`](super::build); [`Error::Disagrees`](hamel_expr::error::Error::Disagrees) for the faults.
@@ -32,7 +32,7 @@ pub fn build_tampered(
     scene: &str,
     fault: &dyn Fn(Made<'_>),
 ) -> Result<BuiltScene, Diagnostics> {
-    let plan = Scenes::new(model).plan(scene)?;
+    let plan = Scenes::new(model).with_ranks(true).plan(scene)?;
     let mut system = reduce(model, &plan.formulation)?;
     fault(Made::System(&mut system));
     let told = |e| model.diagnostics(vec![model.diagnose(&e)]);
