@@ -34,6 +34,7 @@ mod logarithm;
 mod loops;
 mod lyapunov;
 mod malformed;
+mod massless;
 mod modes;
 mod named_frames;
 mod named_momenta;

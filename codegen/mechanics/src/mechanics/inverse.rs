@@ -116,8 +116,9 @@ impl Equations {
         if !is_symmetric(g, &system.mass_matrix) || kept.as_ref().is_some_and(|kept| !is_same(g, kept)) {
             return Ok(None);
         }
-        let balance =
-            Balance { matrix: system.mass_matrix.clone(), names: system.unknowns.clone(), ..balance.clone() };
+        // Where multipliers keep a constraint, its inertia may be part of the matrix.
+        let matrix = if kept.is_some() { &balance.matrix } else { &system.mass_matrix };
+        let balance = Balance { matrix: matrix.clone(), names: system.unknowns.clone(), ..balance.clone() };
         let mut writer = SectionWriter::after(g, self.varying.clone(), &self.sections);
         let beside: Vec<SymbolId> =
             before.iter().flat_map(|section| &section.definitions).map(|d| d.symbol).collect();

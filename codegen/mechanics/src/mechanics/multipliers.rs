@@ -11,12 +11,22 @@ use crate::reduction::{AccelerationRow, AccelerationSource};
 use hamel_expr::error::Error;
 use hamel_expr::{ExprId, Node, Rational, SymbolId};
 
-use super::balance::Kept;
+use super::balance::{Balance, Kept};
 use super::constrained::inertias;
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
 use super::feedback::RateOfFunction;
 use super::solve::{Factorisation, Pivot};
+
+/// What accelerations are solved for by.
+struct Inertia {
+    factors: Factorisation,
+    matrix: Vec<Vec<ExprId>>,
+    /// The forces.
+    drive: Vec<ExprId>,
+    /// `w` and `w0` of each constraint where they are part of the matrix.
+    conditions: Option<Vec<(Vec<ExprId>, ExprId)>>,
+}
 
 impl Derivation<'_> {
     /// `L_yy ydot = drive + Lambda^T lambda`, `w ydot + w0 = 0`, by `S = w L_yy^-1 Lambda^T`: the multipliers act along
@@ -32,19 +42,9 @@ impl Derivation<'_> {
     ) -> Result<Motion, Error> {
         let m = self.y.len();
         let names = self.names.clone();
-        let hessian = self.hessian.clone();
         let (rows, reactions) = (&self.rows_on_state(rows)?, &self.forms_on_state(reactions)?);
-        let known = self.transform.as_ref().map(|transform| transform.factors.clone());
-        let factors = match known {
-            Some(factors) => factors,
-            None => {
-                self.writer.begin("factors of L_yy");
-                let (g, writer, signs) = (&mut self.g, &mut self.writer, &self.system.signs);
-                Factorisation::new(g, writer, "M", &hessian, &names, signs, &[])?
-            }
-        };
+        let Inertia { factors, matrix: hessian, drive, conditions } = self.inertia(rows)?;
         self.writer.begin("free acceleration L_yy^-1 r");
-        let drive = self.forces.drive.clone();
         let prefixed = |prefix: &str| names.iter().map(|n| format!("{prefix}_{n}")).collect::<Vec<_>>();
         let free = factors.solve(&mut self.g, &mut self.writer, &prefixed("free"), &drive);
         self.writer.begin("response to the multipliers L_yy^-1 Lambda^T");
@@ -65,7 +65,7 @@ impl Derivation<'_> {
             let of_rate = RateOfFunction { slope: &row.one_form, rest, response: column, free: &free };
             let (force, pivot) = self.force_of_actuator(feedback, &of_rate)?;
             let reactions = reactions.clone();
-            return self.motion_with_force((&factors, hessian), (&free, column), reactions, (force, pivot));
+            return self.motion_with_force(&factors, (&free, column), reactions, (force, pivot));
         }
         self.writer.begin("multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T");
         let mut matrix = Vec::new();
@@ -73,14 +73,9 @@ impl Derivation<'_> {
         let mut is_congruent = true;
         let (mut forms, mut offsets, mut slack) = (Vec::new(), Vec::new(), Vec::new());
         for (c, row) in rows.iter().enumerate() {
-            let rate = match row.source {
-                // In raw velocities, as its derivative is taken.
-                AccelerationSource::Differentiated(residual) => self.drift(residual)?,
-                AccelerationSource::Servo(remainder) => remainder,
-            };
-            let (form, rate) = match row.mode {
-                Some(_) => (row.one_form.clone(), rate),
-                None => self.without_common_factors(&row.one_form, rate),
+            let (form, rate) = match &conditions {
+                Some(conditions) => conditions[c].clone(),
+                None => self.condition(row)?,
             };
             let off = self.slack(row.mode);
             let mut entries = Vec::new();
@@ -121,19 +116,96 @@ impl Derivation<'_> {
         pivots.extend(constraint_pivots);
         let after = self.velocities_after_impacts((rows, reactions), &factors)?;
         let kept = Kept { rows: forms, forms: reactions.to_vec(), slack };
+        let own = (self.hessian.clone(), self.forces.drive.clone());
         let balance = (self.transform.is_none()).then(|| {
             let solution = [acceleration.as_slice(), &lambda];
-            Box::new(self.balance_with_multipliers((&hessian, &drive), (kept, &offsets), solution))
+            let balance = self.balance_with_multipliers((&hessian, &drive), (kept, &offsets), solution);
+            // Forces that accelerations take are those of the bodies alone.
+            let given: Vec<ExprId> =
+                balance.accelerations.iter().take(m).map(|(symbol, _)| self.g.sym(*symbol)).collect();
+            let forces = own.0.iter().zip(&own.1).map(|(row, force)| {
+                let inertial = self.g.dot(row, &given);
+                self.g.sub(inertial, *force)
+            });
+            let forces = forces.collect();
+            Box::new(Balance { forces, ..balance })
         });
         Ok(Motion {
             unknown_rates: acceleration.clone(),
             acceleration,
             multipliers: labels.into_iter().zip(lambda).collect(),
             reactions: reactions.to_vec(),
-            system: Some(LinearSystem { mass_matrix: hessian, force: drive, unknowns: names, balance }),
+            system: Some(LinearSystem { mass_matrix: own.0, force: own.1, unknowns: names, balance }),
             pivots,
             momentum_rates: Vec::new(),
             after,
+        })
+    }
+
+    /// The inertia `L_yy` and the forces `r` that accelerations are solved for by. Where some velocities have no inertia,
+    /// `L_yy + w^T w` and `r - w^T w0` have the same solutions, as `w ydot + w0 = 0`; they have one where every
+    /// velocity that the constraints allow has inertia.
+    ///
+    /// # Errors
+    /// [`Error::SingularMassMatrix`] with a direction that the constraints allow.
+    ///
+    /// # Source
+    /// Benzi, Golub and Liesen 2005, Numerical solution of saddle point problems, section 3.4 (augmented Lagrangian).
+    fn inertia(&mut self, rows: &[AccelerationRow]) -> Result<Inertia, Error> {
+        let (mut matrix, mut drive) = (self.hessian.clone(), self.forces.drive.clone());
+        if let Some(transform) = &self.transform {
+            return Ok(Inertia { factors: transform.factors.clone(), matrix, drive, conditions: None });
+        }
+        self.writer.begin("factors of L_yy");
+        let error = match self.factors_of("M", &matrix) {
+            Ok(factors) => return Ok(Inertia { factors, matrix, drive, conditions: None }),
+            Err(error) => error,
+        };
+        let holds_always = rows.iter().all(|row| row.mode.is_none()) && self.system.feedback.is_none();
+        if !(holds_always && matches!(error, Error::SingularMassMatrix { .. })) {
+            return Err(error);
+        }
+        self.writer.begin("inertia with that of the constraints: L_yy + w^T w, r - w^T w0");
+        let mut conditions = Vec::with_capacity(rows.len());
+        for row in rows {
+            let (form, rate) = self.condition(row)?;
+            for i in 0..form.len() {
+                for j in 0..form.len() {
+                    let product = self.g.mul(form[i], form[j]);
+                    matrix[i][j] = self.g.add(matrix[i][j], product);
+                }
+                let product = self.g.mul(form[i], rate);
+                drive[i] = self.g.sub(drive[i], product);
+            }
+            conditions.push((form, rate));
+        }
+        for (i, force) in drive.iter_mut().enumerate() {
+            for j in 0..=i {
+                matrix[i][j] = self.define(&format!("K_{}_{}", i + 1, j + 1), matrix[i][j]);
+                matrix[j][i] = matrix[i][j];
+            }
+            *force = self.define(&format!("r_{}", i + 1), *force);
+        }
+        self.writer.begin("factors of it");
+        let factors = self.factors_of("K", &matrix)?;
+        Ok(Inertia { factors, matrix, drive, conditions: Some(conditions) })
+    }
+
+    fn factors_of(&mut self, prefix: &str, matrix: &[Vec<ExprId>]) -> Result<Factorisation, Error> {
+        let (g, writer, signs) = (&mut self.g, &mut self.writer, &self.system.signs);
+        Factorisation::new(g, writer, prefix, matrix, &self.names, signs, &[])
+    }
+
+    /// `w` and `w0` of a condition on accelerations, without the factors that they share.
+    fn condition(&mut self, row: &AccelerationRow) -> Result<(Vec<ExprId>, ExprId), Error> {
+        let rate = match row.source {
+            // In raw velocities, as its derivative is taken.
+            AccelerationSource::Differentiated(residual) => self.drift(residual)?,
+            AccelerationSource::Servo(remainder) => remainder,
+        };
+        Ok(match row.mode {
+            Some(_) => (row.one_form.clone(), rate),
+            None => self.without_common_factors(&row.one_form, rate),
         })
     }
 
@@ -143,7 +215,7 @@ impl Derivation<'_> {
     /// vanishes at rest, where the force does not.
     fn motion_with_force(
         &mut self,
-        (factors, hessian): (&Factorisation, Vec<Vec<ExprId>>),
+        factors: &Factorisation,
         (free, column): (&[ExprId], &[ExprId]),
         reactions: Vec<Vec<ExprId>>,
         (force, pivot): ((String, ExprId), Option<Pivot>),
@@ -158,7 +230,7 @@ impl Derivation<'_> {
         }
         let mut pivots = factors.pivots(&inertias(&names), true);
         pivots.extend(pivot);
-        let drive = self.forces.drive.clone();
+        let (hessian, drive) = (self.hessian.clone(), self.forces.drive.clone());
         Ok(Motion {
             unknown_rates: acceleration.clone(),
             acceleration,
