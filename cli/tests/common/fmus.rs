@@ -52,8 +52,8 @@ impl Fmu {
         Fmu { folder, token: token.unwrap().to_owned(), n_state }
     }
 
-    /// What is told on the way to a time in steps of a size: lines `failed: ..`, then how the motion has ended, the
-    /// time and the state.
+    /// Moves to a time in steps of a size: lines `failed: ..` that it tells, then how the motion has ended, the time
+    /// and the state.
     pub(crate) fn moved(&self, by: By, t_final: f64, size: f64) -> (Vec<String>, String, Vec<f64>) {
         let (t_final, size, n) = (t_final.to_string(), size.to_string(), self.n_state.to_string());
         let by = if by == By::Itself { "itself" } else { "importer" };

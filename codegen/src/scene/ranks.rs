@@ -26,8 +26,8 @@ pub(super) struct RankLayout {
     pub(super) moving: Vec<usize>,
 }
 
-/// The matrix with the rows that may become dependent along a motion, with functions of which they are gradients; none
-/// where nothing that is divided by says so, or no row changes.
+/// The matrix with the rows that may become dependent along a motion, with functions of which they are gradients.
+/// There are no such rows where the equations divide by nothing that may vanish, or no row changes.
 pub(super) fn find(
     g: &mut Graph,
     equations: &Equations,

@@ -23,7 +23,8 @@ pub enum Made<'a> {
     Program(&'a mut Program),
 }
 
-/// Builds a scene as [`build`](super::build) does, with the rows whose rank it may lose, and calls `fault` with what every step has made.
+/// Builds a scene as [`build`](super::build) does, with the rows whose rank it may lose, and calls `fault` with what
+/// every step has made.
 ///
 /// # Errors
 /// As [`build`](super::build); [`Error::Disagrees`](hamel_expr::error::Error::Disagrees) for the faults.

@@ -209,7 +209,8 @@ impl Reader<'_> {
 
     /// The paths of `use a::{b, c::d as e};` without the `use`.
     fn tree_of_use(&mut self, prefix: &[String], trees: &[TokenTree], is_public: bool) {
-        for part in trees.split(|tree| is_punct(Some(tree), ',')) {
+        // Behind the last comma of a list is no path.
+        for part in trees.split(|tree| is_punct(Some(tree), ',')).filter(|part| !part.is_empty()) {
             let mut names = prefix.to_vec();
             let mut renamed = None;
             let mut line = 0;
@@ -272,7 +273,7 @@ mod tests {
             ("c/src/lib.rs", "mod a; mod b;"),
             ("c/src/a/mod.rs", "mod x; mod y; pub use x::X as Renamed; fn f() { y::g() }"),
             ("c/src/a/x.rs", "pub struct X;"),
-            ("c/src/a/y.rs", "use super::Renamed; #[cfg(test)] mod tests { use crate::b::B; }"),
+            ("c/src/a/y.rs", "use super::{Renamed,}; #[cfg(test)] mod tests { use crate::b::B; }"),
             (
                 "c/src/b.rs",
                 "use crate::a::{Renamed, y::{self, Z}}; // use crate::c::C\n fn f() { \"crate::d\"; }",

@@ -120,7 +120,7 @@ impl Derivation<'_> {
         let balance = (self.transform.is_none()).then(|| {
             let solution = [acceleration.as_slice(), &lambda];
             let balance = self.balance_with_multipliers((&hessian, &drive), (kept, &offsets), solution);
-            // Forces that accelerations take are those of the bodies alone.
+            // Accelerations take the forces of the bodies alone.
             let given: Vec<ExprId> =
                 balance.accelerations.iter().take(m).map(|(symbol, _)| self.g.sym(*symbol)).collect();
             let forces = own.0.iter().zip(&own.1).map(|(row, force)| {
@@ -142,9 +142,9 @@ impl Derivation<'_> {
         })
     }
 
-    /// The inertia `L_yy` and the forces `r` that accelerations are solved for by. Where some velocities have no inertia,
-    /// `L_yy + w^T w` and `r - w^T w0` have the same solutions, as `w ydot + w0 = 0`; they have one where every
-    /// velocity that the constraints allow has inertia.
+    /// The inertia `L_yy` and the forces `r` that accelerations are solved for by. Where some velocities have no
+    /// inertia, `L_yy + w^T w` and `r - w^T w0` have the same solutions, as `w ydot + w0 = 0`; they have one where
+    /// every velocity that the constraints allow has inertia.
     ///
     /// # Errors
     /// [`Error::SingularMassMatrix`] with a direction that the constraints allow.

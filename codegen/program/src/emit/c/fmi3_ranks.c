@@ -20,7 +20,7 @@ static double inner(const double *a, const double *b) {
     return sum;
 }
 
-/* Rows of length one, orthogonal to those before them, and zero where they are, as those of a mode that is off; returns
+/* Rows of length one, orthogonal to those before them, and zero where they are, as where a mode is off; returns
    the least part of a row that those before it do not have. */
 static double orthonormal(double (*rows)[FMU_STATE], Rows q) {
     double least = 1.0;
@@ -69,7 +69,7 @@ static bool are_turned(double (*a)[FMU_STATE], double (*b)[FMU_STATE]) {
             both[i][j] = turn[i][j] + turn[j][i];
         }
     }
-    /* Pivots of the symmetric part are positive where no direction turns by a right angle, and so are those of all. */
+    /* Where no direction turns by a right angle, the symmetric part and the whole have positive pivots. */
     for (int k = 0; k < FMU_ROWS; k++) {
         if (!(both[k][k] > 0.0 && turn[k][k] > 0.0)) {
             return true;
