@@ -39,6 +39,7 @@ pub mod interpreted;
 pub mod interrupts;
 mod least_squares;
 pub mod length;
+pub mod linearize;
 mod lost_rank;
 mod machine;
 pub mod matrices;
