@@ -71,7 +71,14 @@ class Change(NamedTuple):
 class Family(Sequence[Equilibrium]):
     """Equilibria or orbits along a parameter, an input, a component of the state, an invariant or an output."""
 
-    def __init__(self, name: str, state: Sequence[str], equilibria: Sequence[Equilibrium], changes: Sequence[Change], end: str):
+    def __init__(
+        self,
+        name: str,
+        state: Sequence[str],
+        equilibria: Sequence[Equilibrium],
+        changes: Sequence[Change],
+        end: str,
+    ):
         self._equilibria = list(equilibria)
         #: What the family goes along.
         self.name = name

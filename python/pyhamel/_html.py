@@ -94,7 +94,8 @@ def of_fit(fit: Fit) -> str:
     return (
         f"<p><b>Fit of {escape(fit.model.title or fit.model.name)}</b> (<code>{escape(fit.model.name)}</code>, scene "
         f"<code>{escape(fit.model.scene)}</code>): {escape(fit.verdict)}{converted}</p>"
-        f"{_table([_row(['', 'value', *names], 'th'), *unknowns])}{_table([_row(['', 'values', 'rms left'], 'th'), *columns])}"
+        + _table([_row(["", "value", *names], "th"), *unknowns])
+        + _table([_row(["", "values", "rms left"], "th"), *columns])
         + _picture(fit.svg(), repr(fit))
     )
 

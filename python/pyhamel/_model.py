@@ -971,9 +971,9 @@ class Model:
         """The linear system ``A``, ``B``, ``C``, ``D`` near a state at a time, as ``hamel linearize`` finds it; exact.
 
         ``y`` is a state as :meth:`simulate` takes it. ``inputs`` are as :meth:`with_inputs` takes them: those that are
-        numbers are inputs of the linear system, at the values that they are held at, and an expression closes a loop. The default scene gives way to
-        ``controlled`` where the model has inputs. ``outputs`` names outputs of the model and components of the state; all
-        outputs of the model unless it is given.
+        numbers are inputs of the linear system at these values, and an expression closes a loop. The default scene gives
+        way to ``controlled`` where the model has inputs. ``outputs`` names outputs of the model and components of the
+        state; all outputs of the model unless it is given.
 
         Raises :class:`InputError` for other names, and where something has no finite value.
         """

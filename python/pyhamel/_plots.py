@@ -72,7 +72,8 @@ def of_family(family: Family, names: Sequence[str], ax: Any) -> Any:
             if own.any():
                 axes.plot(family.along, np.where(part, known[name], np.nan), style, color=f"C{k}", label=label)
     for kind, marker in zip(dict.fromkeys(change.kind for change in family.changes), "osD^"):
-        at = [(change.at.along, changed[name][i]) for name in chosen for i, change in enumerate(family.changes) if change.kind == kind]
+        marked = [k for k, change in enumerate(family.changes) if change.kind == kind]
+        at = [(family.changes[k].at.along, changed[name][k]) for name in chosen for k in marked]
         axes.plot(*zip(*at), marker, color="black", label=kind)
     units = {"growth": "1/s", "period": "s", **(family[0].model.units if len(family) else {})}
     axes.set_xlabel(_with_unit(family.name, units.get(family.name, "")))

@@ -21,7 +21,17 @@ if TYPE_CHECKING:
 
     from ._model import Model
 
-__all__ = ["Certificate", "Ensemble", "Event", "Explanation", "Formulation", "Formulations", "Motion", "Outputs", "Reduced"]
+__all__ = [
+    "Certificate",
+    "Ensemble",
+    "Event",
+    "Explanation",
+    "Formulation",
+    "Formulations",
+    "Motion",
+    "Outputs",
+    "Reduced",
+]
 
 Array = NDArray[np.float64]
 
