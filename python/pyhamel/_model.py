@@ -977,6 +977,8 @@ class Model:
 
         Raises :class:`InputError` for other names, and where something has no finite value.
         """
+        if not math.isfinite(t):
+            raise InputError(f"t is {t}, but has to be finite")
         model = self.with_inputs(inputs) if inputs else self._with_inputs_taken()
         return linearization(model, _hamel.linearize(model._native, model._by_name(y), t), outputs)
 

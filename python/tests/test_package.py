@@ -70,6 +70,8 @@ def test_the_notebook_runs(tmp_path):
     nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
     shown = [output.data for cell in notebook.cells for output in cell.get("outputs", []) if "data" in output]
     assert any("text/latex" in data for data in shown) and any("<iframe" in data.get("text/html", "") for data in shown)
+    assert any("Eigenvalues of A" in data.get("text/html", "") for data in shown)
+    assert "<h3>Equations of motion</h3>" in shown[-1]["text/html"] and "θ" in shown[-1]["text/plain"]
 
 
 @pytest.mark.parametrize("name, package", [("cart_pole_control", "control"), ("cart_pole_gym", "gymnasium")])

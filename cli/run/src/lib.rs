@@ -20,6 +20,7 @@ mod crossing;
 pub mod direction;
 mod driving;
 pub mod dynamics;
+mod eigenvalues;
 pub mod ensemble;
 pub mod equilibria;
 pub mod error;

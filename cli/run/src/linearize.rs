@@ -14,6 +14,7 @@ use serde_json::{Map, Value};
 
 use crate::asked::assignments;
 use crate::dynamics::Factory as _;
+use crate::eigenvalues::{eigenvalues, sort};
 use crate::error::Error;
 use crate::forms::Forms;
 use crate::info::Info;
@@ -138,6 +139,10 @@ pub fn linearize(model: &Arc<Checked>, scene: &str, asked: &Asked, words: &Words
         },
     )?;
     let (rates, matrices) = derived.at((&params, asked.t, &y, &u), words)?;
+    let a = DMatrix::from_fn(y.len(), y.len(), |i, j| matrices[0][i][j]);
+    let unknown = || Error::unusable(words.at, "is a point where the eigenvalues of A were not found");
+    let mut eigenvalues = eigenvalues(&a).ok_or_else(unknown)?;
+    sort(&mut eigenvalues);
     Ok(Linear {
         model: info.model.clone(),
         scene: info.scene.clone(),
@@ -145,7 +150,7 @@ pub fn linearize(model: &Arc<Checked>, scene: &str, asked: &Asked, words: &Words
         inputs: names.into_iter().map(str::to_owned).collect(),
         outputs: derived.outputs,
         params: info.params.iter().map(|p| p.name.clone()).zip(params).collect(),
-        eigenvalues: eigenvalues(&matrices[0]),
+        eigenvalues,
         y,
         told,
         u,
@@ -175,17 +180,6 @@ impl Derived {
         }
         Ok((rates, matrices))
     }
-}
-
-/// Eigenvalues of a square matrix, real and imaginary part, the largest real part first.
-fn eigenvalues(a: &[Vec<f64>]) -> Vec<[f64; 2]> {
-    let a = DMatrix::from_fn(a.len(), a.len(), |i, j| a[i][j]);
-    let mut eigenvalues: Vec<[f64; 2]> = match a.is_empty() {
-        true => Vec::new(),
-        false => a.complex_eigenvalues().iter().map(|z| [z.re, z.im]).collect(),
-    };
-    eigenvalues.sort_by(|x, y| y[0].total_cmp(&x[0]).then(y[1].total_cmp(&x[1])));
-    eigenvalues
 }
 
 impl Linear {
