@@ -153,7 +153,8 @@ pub struct Section {
     pub text: String,
 }
 
-/// Explains a scene in Unicode ([`Style::Unicode`]) or LaTeX ([`Style::Latex`], a fragment that needs `amsmath`).
+/// Explains a scene in Unicode ([`Style::Unicode`]), LaTeX ([`Style::Latex`], a fragment that needs `amsmath`) or HTML
+/// ([`Style::MathMl`]).
 pub fn explain(model: &Model, scene: &BuiltScene, style: Style) -> String {
     written(sections(model, scene, style), style)
 }
@@ -178,8 +179,8 @@ pub fn connection_coefficients(coefficients: &Coefficients, style: Style) -> Str
     written(page.rest, style)
 }
 
-/// Sections under their titles.
-fn written(sections: Vec<Section>, style: Style) -> String {
+/// [`sections`] of a style under their titles, as [`explain`] has them.
+pub fn written(sections: Vec<Section>, style: Style) -> String {
     let mut text = String::new();
     for Section { kind, text: body } in sections {
         let title = kind.title();

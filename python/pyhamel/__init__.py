@@ -14,15 +14,27 @@ in memory, and kept in the user's cache.
 """
 
 from ._equilibria import Change, Equilibrium, Family
-from ._errors import Diagnostic, Error, FileError, FitError, InputError, IntegrationError, ModelError, ModelWarning
+from ._errors import (
+    Diagnostic,
+    Error,
+    FileError,
+    FitError,
+    InputError,
+    IntegrationError,
+    ModelError,
+    ModelWarning,
+    PackageError,
+)
 from ._fit import ChiSquare, Fit, Start
 from ._fluid import Fluid, FluidMotion
 from ._hamel import __version__
+from ._linear import Linearization
 from ._model import Model, Params, import_robot, load, methods, models
-from ._results import Ensemble, Event, Formulation, Formulations, Motion, Outputs, Reduced
+from ._results import Certificate, Ensemble, Event, Explanation, Formulation, Formulations, Motion, Outputs, Reduced
 from ._stepper import Stepper
 
 __all__ = [
+    "Certificate",
     "Change",
     "ChiSquare",
     "Diagnostic",
@@ -30,6 +42,7 @@ __all__ = [
     "Equilibrium",
     "Error",
     "Event",
+    "Explanation",
     "Family",
     "FileError",
     "Fit",
@@ -40,11 +53,13 @@ __all__ = [
     "Formulations",
     "InputError",
     "IntegrationError",
+    "Linearization",
     "Model",
     "ModelError",
     "ModelWarning",
     "Motion",
     "Outputs",
+    "PackageError",
     "Params",
     "Reduced",
     "Start",

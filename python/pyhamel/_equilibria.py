@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ._model import Model
 
 __all__ = ["Change", "Equilibrium", "Family"]
@@ -56,7 +58,7 @@ class Equilibrium:
     def __repr__(self) -> str:
         state = ", ".join(f"{name}={x:.6g}" for name, x in zip(self.model.state, self.y))
         kind = "Equilibrium" if self.period is None else f"orbit of period {self.period:.9g}"
-        return f"<hamel.{kind} of {self.model.name}: {self.verdict}, {state}>"
+        return f"<pyhamel.{kind} of {self.model.name}: {self.verdict}, {state}>"
 
 
 class Change(NamedTuple):
@@ -69,8 +71,19 @@ class Change(NamedTuple):
 class Family(Sequence[Equilibrium]):
     """Equilibria or orbits along a parameter, an input, a component of the state, an invariant or an output."""
 
-    def __init__(self, equilibria: Sequence[Equilibrium], changes: Sequence[Change], end: str):
+    def __init__(
+        self,
+        name: str,
+        state: Sequence[str],
+        equilibria: Sequence[Equilibrium],
+        changes: Sequence[Change],
+        end: str,
+    ):
         self._equilibria = list(equilibria)
+        #: What the family goes along.
+        self.name = name
+        #: Names of the state's components.
+        self.state: tuple[str, ...] = tuple(state)
         #: What happens on the way.
         self.changes: list[Change] = list(changes)
         #: ``reached``, ``returned``, ``stuck`` or ``long``.
@@ -91,6 +104,19 @@ class Family(Sequence[Equilibrium]):
     def __iter__(self) -> Iterator[Equilibrium]:
         return iter(self._equilibria)
 
+    def plot(self, *names: str, ax: Axes | None = None) -> Axes:
+        """Draws components of the state, ``period`` or ``growth`` (alone unless others are named) along the family.
+
+        On the axes ``ax`` of matplotlib, or on new ones, which are returned. Lines are broken where equilibria are
+        unstable, and changes are marked. Needs matplotlib.
+
+        Raises :class:`InputError` for other names.
+        """
+        from ._plots import of_family
+
+        found: Axes = of_family(self, names, ax)
+        return found
+
     def __repr__(self) -> str:
         changes = ", ".join(f"{change.kind} at {change.at.along:.6g}" for change in self.changes)
         kind = "equilibria" if not self._equilibria or self._equilibria[0].period is None else "orbits"
@@ -103,12 +129,12 @@ def equilibrium(model: Model, answer: str) -> Equilibrium:
     return Equilibrium(model, found["symmetries"], found["equilibria"][0])
 
 
-def family(model: Model, answer: str) -> Family:
-    """All of an answer."""
+def family(model: Model, name: str, answer: str) -> Family:
+    """All of an answer, along ``name``."""
     found = json.loads(answer)
 
     def one(of: Mapping[str, Any]) -> Equilibrium:
         return Equilibrium(model, found["symmetries"], of)
 
     changes = [Change(change["change"], one(change["at"])) for change in found["changes"]]
-    return Family([one(of) for of in found["equilibria"]], changes, found["end"])
+    return Family(name, model.state, [one(of) for of in found["equilibria"]], changes, found["end"])

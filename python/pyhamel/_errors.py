@@ -16,6 +16,7 @@ __all__ = [
     "IntegrationError",
     "ModelError",
     "ModelWarning",
+    "PackageError",
 ]
 
 
@@ -46,6 +47,10 @@ class InputError(Error, ValueError):
 
 class FileError(Error, OSError):
     """A file that cannot be read or written."""
+
+
+class PackageError(Error, ImportError):
+    """A package of others that is not installed; the text says how to install it."""
 
 
 class ModelError(Error, ValueError):

@@ -20,7 +20,8 @@ from ._equilibria import Equilibrium, Family
 from ._errors import FileError, InputError, ModelWarning
 from ._fit import Fit, Interval, fitted
 from ._inputs import by_component
-from ._results import Ensemble, Formulation, Formulations, Motion, Outputs, Reduced
+from ._linear import Linearization, linearization
+from ._results import Certificate, Ensemble, Explanation, Formulation, Formulations, Motion, Outputs, Reduced
 from ._stepper import Inputs, Stepper
 
 __all__ = ["Model", "Params", "import_robot", "load", "methods", "models"]
@@ -221,6 +222,11 @@ class Model:
         return {name: tuple(components) for name, components, _ in self._groups}
 
     @property
+    def units(self) -> dict[str, str]:
+        """Units of ``t``, parameters, inputs, the state, ``energy`` and outputs; empty where unknown, and for numbers."""
+        return dict(_hamel.units(self._native))
+
+    @property
     def conserves_energy(self) -> bool:
         """Whether there is an energy that is proved to be constant along the motion."""
         return self._native.conserves_energy
@@ -404,6 +410,30 @@ class Model:
         out = np.empty((len(pairs), self._n))
         self._native.jvp(pairs, list(along.values()), t, dt, out)
         return out.reshape(y.shape)
+
+    def vjp(self, y: ArrayLike, w: ArrayLike, t: float = 0.0, *, threads: bool | None = None) -> Array:
+        """Products ``sum_i w_i df_i/dy_j`` of the transposed Jacobian with ``w``, ``(.., n)``.
+
+        Exact, by one backward pass, which is derived when it is first asked for. Raises :class:`InputError` where the
+        scene has none, and where something has no finite value.
+        """
+        y, w = np.broadcast_arrays(self._states(y), self._states(w, "w"))
+        pairs = np.concatenate([y, w], axis=-1).reshape(-1, 2 * self._n)
+        out = np.empty((len(pairs), self._n))
+        self._native.vjp(pairs, t, out, threads)
+        return out.reshape(y.shape)
+
+    def jacobian_operator(self, y: ArrayLike, t: float = 0.0) -> Any:
+        """The Jacobian at a state, ``(n,)``, as a ``scipy.sparse.linalg.LinearOperator`` without a matrix.
+
+        Its products are those of :meth:`jvp`, those of its adjoint :meth:`vjp`. Needs scipy.
+        """
+        from ._solvers import of_scipy
+
+        state = self._states(y)
+        if state.ndim != 1:
+            raise InputError(f"y is of shape {state.shape}, but an operator is that of one state")
+        return of_scipy(self, state, t)
 
     @property
     def velocities(self) -> tuple[str, ...]:
@@ -700,11 +730,7 @@ class Model:
         Raises :class:`InputError` for a method or steps that do not suit the scene, and for scenes with events that
         change the state.
         """
-        model = self
-        held = {name: value for name, value in self.inputs.items() if value is not None}
-        if held and not self._native.taken_inputs and self.scene == "default":
-            model = self.with_inputs(held)
-        return Stepper(model, dt, _options(method, rtol, atol, step, max_step, max_steps))
+        return Stepper(self._with_inputs_taken(), dt, _options(method, rtol, atol, step, max_step, max_steps))
 
     def step(self, y: ArrayLike, u: Inputs = None, dt: float = 0.01, *, t: float = 0.0, **options: Any) -> Array:
         """The states a time ``dt`` after ``y``, with inputs held at ``u``, as :meth:`Stepper.step` says.
@@ -932,7 +958,29 @@ class Model:
         model = model.with_params(**set_at) if set_at else model
         return fitted(model, data, list(given.items()), wanted, options, progress)
 
-    # For people.
+    # Near a point.
+
+    def linearize(
+        self,
+        y: State = None,
+        t: float = 0.0,
+        *,
+        inputs: Mapping[str, Any] | None = None,
+        outputs: Sequence[str] | None = None,
+    ) -> Linearization:
+        """The linear system ``A``, ``B``, ``C``, ``D`` near a state at a time, as ``hamel linearize`` finds it; exact.
+
+        ``y`` is a state as :meth:`simulate` takes it. ``inputs`` are as :meth:`with_inputs` takes them: those that are
+        numbers are inputs of the linear system at these values, and an expression closes a loop. The default scene gives
+        way to ``controlled`` where the model has inputs. ``outputs`` names outputs of the model and components of the
+        state; all outputs of the model unless it is given.
+
+        Raises :class:`InputError` for other names, and where something has no finite value.
+        """
+        if not math.isfinite(t):
+            raise InputError(f"t is {t}, but has to be finite")
+        model = self.with_inputs(inputs) if inputs else self._with_inputs_taken()
+        return linearization(model, _hamel.linearize(model._native, model._by_name(y), t), outputs)
 
     def trim(
         self,
@@ -1000,15 +1048,30 @@ class Model:
             raise InputError(f"a family of {points} points from {start} to {stop}: give two values and at least 2 points")
         along = (name, float(start), float(stop), points)
         answer = self._native.trim(self._by_name(guess), _kept_values(keep), list(free), at_rest, (t, period), along)
-        return _equilibria.family(self, answer)
+        return _equilibria.family(self, name, answer)
 
-    def latex(self) -> str:
-        """The equations of motion in LaTeX, a fragment that needs ``amsmath``."""
-        return self._native.latex()
+    # For people.
 
-    def explain(self) -> str:
-        """Everything about the scene, as ``hamel explain`` prints it: algebra, equations, what was found, operations."""
-        return self._native.explain()
+    def explain(self, style: str = "text") -> Explanation:
+        """Everything about the scene, as ``hamel explain`` prints it: algebra, equations, what was found, operations.
+
+        A text in the ``style`` ``"text"`` (Unicode), ``"latex"`` (a fragment that needs ``amsmath``) or ``"mathml"``
+        (HTML); :attr:`Explanation.sections` has the parts by title, such as ``Equations of motion``. A notebook shows it
+        typeset.
+
+        Raises :class:`InputError` for other styles.
+        """
+        text, sections = _hamel.explain(self._native, style)
+        return Explanation(text, style, dict(sections), self)
+
+    def certify(self, points: int = 64) -> Certificate:
+        """Holds every function of the scene to its definition at random points, as ``hamel explain --certify``.
+
+        Raises :class:`ModelError` where a function disagrees.
+        """
+        if points < 1:
+            raise InputError(f"points is {points}, but has to be 1 or more")
+        return Certificate(*_hamel.certify(self._native, points))
 
     def formulations(self) -> Formulations:
         """Ways of writing the scene's equations, each proved to be the same motion, with what they cost.
@@ -1025,6 +1088,8 @@ class Model:
         ``wasm``. With ``folder`` the files are written there, in the place of files of the same names. Parameters and
         inputs have the values of the text.
 
+        :meth:`fmu` writes FMUs.
+
         Raises :class:`InputError` for other languages and for scenes that a language does not take; :class:`FileError`.
         """
         files = _hamel.generate(self._native, language)
@@ -1036,6 +1101,18 @@ class Model:
             except OSError as error:
                 raise FileError(f"{error.filename}: {error.strerror}") from error
         return files
+
+    def fmu(self, path: str | os.PathLike[str]) -> None:
+        """Writes the scene as an FMU of FMI 3.0, as ``hamel generate --language fmu`` does, in the place of a file there.
+
+        It has model exchange and co-simulation, and begins at the initial state; parameters, inputs and start values are
+        those of the text, which the simulator changes. ``path`` ends in ``.fmu``. A C compiler is needed, the one that
+        the environment variable ``CC`` names, or ``cc``, ``gcc`` or ``clang``.
+
+        Raises :class:`InputError` for other names, for scenes that are no FMU, and without a C compiler;
+        :class:`FileError`.
+        """
+        _hamel.write_fmu(self._native, os.fspath(path))
 
     def reduce(self) -> Reduced:
         """The model reduced by the symmetries that are found, as ``hamel reduce`` writes it.
@@ -1049,15 +1126,18 @@ class Model:
 
     def report(self) -> str:
         """The page that ``hamel report --no-run`` writes, as text."""
-        return self._native.report()
+        return _hamel.report(self._native)
 
     def _repr_latex_(self) -> str:
-        return self.latex()
+        return self._equations("latex")
 
     def _repr_html_(self) -> str:
         from ._html import of_model
 
-        return of_model(self, self._native.math_ml())
+        return of_model(self, self._equations("mathml"))
+
+    def _equations(self, style: str) -> str:
+        return self.explain(style).sections.get("Equations of motion", "")
 
     def __repr__(self) -> str:
         scene = "" if self.scene == "default" else f", scene {self.scene}"
@@ -1068,6 +1148,12 @@ class Model:
         return _restored, (native.file, native.text, native.scene, native.values, native.budget, self._cache, self._applied)
 
     # Within the package.
+
+    def _with_inputs_taken(self) -> Model:
+        """The model itself, or where its default scene holds inputs the scene that takes them."""
+        controls = self._native.controls
+        held = {name: value for name, value in self.inputs.items() if value is not None and name in controls}
+        return self.with_inputs(held) if held and not self._native.taken_inputs and self.scene == "default" else self
 
     def _wanted(self, function: str) -> None:
         if not self._native.has(function):

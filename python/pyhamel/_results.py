@@ -12,13 +12,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _hamel
+from ._packages import needed
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
+    from matplotlib.axes import Axes
 
     from ._model import Model
 
-__all__ = ["Ensemble", "Event", "Formulation", "Formulations", "Motion", "Outputs", "Reduced"]
+__all__ = [
+    "Certificate",
+    "Ensemble",
+    "Event",
+    "Explanation",
+    "Formulation",
+    "Formulations",
+    "Motion",
+    "Outputs",
+    "Reduced",
+]
 
 Array = NDArray[np.float64]
 
@@ -66,6 +79,46 @@ class Formulations(NamedTuple):
 
     def __str__(self) -> str:
         return self.text
+
+
+class Certificate(NamedTuple):
+    """Functions of a scene that were held to their definitions; as text, what ``hamel explain --certify`` prints."""
+
+    #: Number of points.
+    points: int
+    #: The largest residual of each function, beside the terms of its row.
+    held: dict[str, float]
+    #: Functions that were not held, with reasons.
+    open: dict[str, str]
+    #: The table.
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+class Explanation(str):
+    """What is known about a scene, as ``hamel explain`` prints it in some style; a notebook shows it typeset."""
+
+    #: ``text``, ``latex`` or ``mathml``.
+    style: str
+    #: The parts by title, such as ``Equations of motion``; the first one has no title.
+    sections: dict[str, str]
+    _model: Model
+
+    def __new__(cls, text: str, style: str, sections: dict[str, str], model: Model) -> Explanation:
+        made = super().__new__(cls, text)
+        made.style, made.sections, made._model = style, sections, model
+        return made
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        return str(self), self.style, self.sections, self._model
+
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, str]:
+        bundle = {"text/plain": str(self)}
+        if self.style != "latex":
+            bundle["text/html"] = str(self if self.style == "mathml" else self._model.explain("mathml"))
+        return bundle
 
 
 class Outputs(Mapping[str, Array]):
@@ -166,19 +219,44 @@ class Motion:
 
     def to_xarray(self) -> xarray.Dataset:
         """The samples as a data set: states, energy and outputs by name along ``t``. Needs xarray."""
-        import xarray
+        columns = {name: ("t", values) for name, values in self._columns().items()}
+        found: xarray.Dataset = needed("xarray", "xarray").Dataset(columns, coords={"t": self.t}, attrs=self._about())
+        return found
 
-        columns: dict[str, Any] = {name: ("t", self.y[:, k]) for k, name in enumerate(self.model.state)}
+    def to_pandas(self) -> pandas.DataFrame:
+        """The samples as a table: states, energy and outputs by name, with ``t`` as the index. Needs pandas."""
+        package = needed("pandas", "pandas")
+        found: pandas.DataFrame = package.DataFrame(self._columns(), index=package.Index(self.t, name="t"))
+        found.attrs = self._about()
+        return found
+
+    def plot(self, *names: str, ax: Axes | None = None) -> Axes:
+        """Draws columns over the time: components of the state, all unless others are named, ``energy``, and outputs.
+
+        Names are those of :meth:`to_pandas` or of groups of outputs. On the axes ``ax`` of matplotlib, or on new ones,
+        which are returned; units are at the axes or behind the names, and dotted lines are at events. Needs matplotlib.
+
+        Raises :class:`InputError` for other names.
+        """
+        from ._plots import of_motion
+
+        found: Axes = of_motion(self, names, ax)
+        return found
+
+    def _columns(self) -> dict[str, Array]:
+        columns = {name: self.y[:, k] for k, name in enumerate(self.model.state)}
         if self.energy is not None:
-            columns["energy"] = ("t", self.energy)
+            columns["energy"] = self.energy
         for group, values in self.outputs.items():
             for k, component in enumerate(self.outputs.components(group)):
-                columns[f"{group}.{component}"] = ("t", values[:, k])
+                columns[f"{group}.{component}"] = values[:, k]
         for by, values in self.sensitivity.items():
-            columns.update({f"d_{name}_d_{by}": ("t", values[:, k]) for k, name in enumerate(self.model.state)})
+            columns.update({f"d_{name}_d_{by}": values[:, k] for k, name in enumerate(self.model.state)})
+        return columns
+
+    def _about(self) -> dict[str, Any]:
         plain = {name: value for name, value in self.stats.items() if value is not None}
-        about = {"model": self.model.name, "scene": self.model.scene, **dict(self.model.params), **plain}
-        return xarray.Dataset(columns, coords={"t": self.t}, attrs=about)
+        return {"model": self.model.name, "scene": self.model.scene, **dict(self.model.params), **plain}
 
     def _repr_html_(self) -> str:
         from ._html import of_motion
@@ -247,8 +325,6 @@ class Ensemble:
 
     def to_xarray(self) -> xarray.Dataset:
         """States, energy and parameters by name, along ``trajectory`` and ``t``. Needs xarray."""
-        import xarray
-
         columns: dict[str, Any] = {
             name: (("trajectory", "t"), self.y[:, :, k]) for k, name in enumerate(self.model.state)
         }
@@ -256,7 +332,23 @@ class Ensemble:
         columns.update({name: ("trajectory", self.params[:, k]) for k, name in enumerate(self.model.params)})
         columns["steps"] = ("trajectory", self.steps)
         columns["error"] = ("trajectory", np.array([error or "" for error in self.errors]))
-        return xarray.Dataset(columns, coords={"t": self.t}, attrs={"model": self.model.name, "scene": self.model.scene})
+        found: xarray.Dataset = needed("xarray", "xarray").Dataset(columns, coords={"t": self.t}, attrs=self._about())
+        return found
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """States, energy and parameters by name, a row for each ``trajectory`` and each ``t``. Needs pandas."""
+        package = needed("pandas", "pandas")
+        n_samples = len(self.t)
+        columns = {name: self[name].reshape(-1) for name in self.model.state}
+        columns["energy"] = self.energy.reshape(-1)
+        columns.update({name: np.repeat(self.params[:, k], n_samples) for k, name in enumerate(self.model.params)})
+        index = package.MultiIndex.from_product([range(len(self)), self.t], names=["trajectory", "t"])
+        found: pandas.DataFrame = package.DataFrame(columns, index=index)
+        found.attrs = self._about()
+        return found
+
+    def _about(self) -> dict[str, Any]:
+        return {"model": self.model.name, "scene": self.model.scene}
 
     def __repr__(self) -> str:
         stopped = len(self) - int(self.ok.sum())

@@ -1,4 +1,4 @@
-"""A model as a function of CasADi or JAX, with exact derivatives.
+"""A model as a function of CasADi or JAX, and its Jacobian as an operator of SciPy, with exact derivatives.
 
 Deliberately does not know: what these do with it.
 """
@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ._packages import needed
+
 if TYPE_CHECKING:
     from ._model import Array, Model
 
@@ -19,8 +21,22 @@ def _by_time(model: Model, y: Array, t: float) -> Array:
     return model.jvp(y, np.zeros_like(y), t, dt=1.0)
 
 
+def of_scipy(model: Model, y: Array, t: float) -> Any:
+    """A ``LinearOperator`` with products of the Jacobian at a state and of its transpose."""
+    n, y = len(model.state), y.copy()
+    return needed("scipy.sparse.linalg", "scipy").LinearOperator(
+        (n, n),
+        matvec=lambda v: model.jvp(y, np.ravel(v), t),
+        rmatvec=lambda w: model.vjp(y, np.ravel(w), t),
+        matmat=lambda v: model.jvp(y, np.asarray(v).T, t).T,
+        rmatmat=lambda w: model.vjp(y, np.asarray(w).T, t).T,
+        dtype=np.float64,
+    )
+
+
 def of_casadi(model: Model, name: str) -> Any:
     """A ``casadi.Callback`` from ``(t, y)`` to the rates, with its Jacobian by both."""
+    needed("casadi", "casadi")
     import casadi
 
     n = len(model.state)
@@ -94,9 +110,7 @@ def of_casadi(model: Model, name: str) -> Any:
 
 def of_jax(model: Model) -> Callable[..., Any]:
     """A function ``f(t, y, args=None)`` of JAX, whose derivatives forward and backward are exact."""
-    import jax
-    import jax.numpy as jnp
-
+    jax, jnp = needed("jax", "jax"), needed("jax.numpy", "jax")
     n = len(model.state)
 
     def each(of: Callable[[Array, float], Array], tail: tuple[int, ...], t: Any, y: Any) -> Any:

@@ -22,24 +22,25 @@ type At<'a> = (ArrayViewD<'a, f64>, f64, ArrayViewMutD<'a, f64>);
 /// The cost of a row, and whether there may be threads.
 type How = (u64, Option<bool>);
 
-/// Writes forces at accelerations, `m` of them behind the `n` numbers of a state in each row.
-pub(crate) fn forces(
+/// Writes `m` numbers for each row of a state, `n` numbers, with a vector behind it.
+pub(crate) fn of_pairs(
     py: Python<'_>,
     dynamics: &dyn Dynamics,
     (n, m): (usize, usize),
     (pairs, t, out): At<'_>,
     how: How,
+    of: impl Fn(&[f64], &[f64]) -> Option<Vec<f64>> + Send + Sync,
 ) -> PyResult<()> {
     let (pairs, out) = (two_axes(pairs)?, two_axes_mut(out)?);
     if pairs.ncols() != n + m || out.dim() != (pairs.nrows(), m) {
         return Err(other_shapes());
     }
-    let forces = |row: &[f64], result: &mut [f64]| {
-        write(dynamics.inverse_dynamics(t, &row[..n], &row[n..]).as_deref(), result);
+    let write = |row: &[f64], result: &mut [f64]| {
+        write(of(&row[..n], &row[n..]).filter(|found| found.len() == m).as_deref(), result);
     };
     let done = py.detach(|| {
         let work = |rows: &Rows<'_>, out: &mut RowsMut<'_>, n_rows: usize| {
-            by_row(rows, out, n_rows, (n + m, m), forces)
+            by_row(rows, out, n_rows, (n + m, m), write)
         };
         match in_pieces(pairs, out, how, work) {
             Ok(true) => Ok(()),

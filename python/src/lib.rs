@@ -12,6 +12,7 @@ mod fit;
 mod fluid;
 mod functions;
 mod interrupts;
+mod linear;
 mod motion;
 mod pool;
 mod prepared;
@@ -34,6 +35,8 @@ mod _hamel {
     #[pymodule_export]
     use crate::fluid::Fluid;
     #[pymodule_export]
+    use crate::linear::linearize;
+    #[pymodule_export]
     use crate::motion::{Motion, default_samples, ensemble, simulate, write_ensemble};
     #[pymodule_export]
     use crate::robot::import_robot;
@@ -42,7 +45,7 @@ mod _hamel {
     #[pymodule_export]
     use crate::stepper::Stepper;
     #[pymodule_export]
-    use crate::written::{formulations, generate};
+    use crate::written::{all_units, certify, explain, formulations, generate, report, write_fmu};
 
     use pyo3::prelude::*;
 

@@ -7,10 +7,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
-use hamel::output::report::contents::contents;
-use hamel_codegen::explain::{self, SectionKind};
 use hamel_codegen::spec::{self, ParamArray, Want};
-use hamel_expr::{Style, rational_to_f64};
+use hamel_expr::rational_to_f64;
 use hamel_run::cache::Cache;
 use hamel_run::choice::gives_way;
 use hamel_run::dynamics::{Dynamics, Factory as _, VecState};
@@ -103,6 +101,14 @@ impl Scene {
     /// What drives the inputs, for a document; nothing where they are the model's own.
     pub(crate) fn drives(&self) -> serde_json::Value {
         self.table.as_ref().map_or(serde_json::Value::Null, |table| table.described())
+    }
+
+    /// The inputs that something else than the model holds or drives, at a time.
+    pub(crate) fn inputs_at(&self, t: f64) -> Result<Vec<(String, f64)>, Error> {
+        let Some(table) = &self.table else { return Ok(Vec::new()) };
+        let values = table.of_scene(self.info())?.at(t);
+        let names = self.info().inputs.iter().map(|input| input.name.clone());
+        Ok(names.zip(values).filter(|(name, _)| table.has(name)).collect())
     }
 
     fn source(&self) -> (String, String, u64) {
@@ -266,6 +272,12 @@ impl Scene {
     #[getter]
     fn taken_inputs(&self) -> Vec<String> {
         self.info().inputs.iter().map(|input| input.name.clone()).collect()
+    }
+
+    /// Names of the inputs of the model that are no noises.
+    #[getter]
+    fn controls(&self) -> Vec<String> {
+        self.model.controls().map(|input| input.name.clone()).collect()
     }
 
     /// Name of the model.
@@ -459,6 +471,28 @@ impl Scene {
         py.detach(done).or_raise(py)
     }
 
+    /// Writes products of the transposed Jacobian with vectors, which are behind the states in the rows of `pairs`,
+    /// `[n_states, 2 n]`, to the rows of `out`.
+    fn vjp(
+        &self,
+        py: Python<'_>,
+        pairs: PyReadonlyArrayDyn<'_, f64>,
+        t: f64,
+        mut out: PyReadwriteArrayDyn<'_, f64>,
+        threads: Option<bool>,
+    ) -> PyResult<()> {
+        let (dynamics, n) = (self.dynamics(), self.info().state.len());
+        let zeros = vec![0.0; n];
+        // Derived when it is first asked for.
+        let is_there = py.detach(|| dynamics.vjp(t, &zeros, &zeros)).map(drop);
+        is_there
+            .map_err(|reason| Error::unusable(format!("scene {}", self.info().scene), reason))
+            .or_raise(py)?;
+        let at = (pairs.as_array(), t, out.as_array_mut());
+        let product = |y: &[f64], w: &[f64]| dynamics.vjp(t, y, w).ok();
+        functions::of_pairs(py, dynamics, (n, n), at, (2 * self.cost(), threads), product)
+    }
+
     /// Velocities of the state that have rates of their own: components of accelerations, rows of the mass matrix.
     #[getter]
     fn velocities(&self) -> Vec<String> {
@@ -486,9 +520,10 @@ impl Scene {
         mut out: PyReadwriteArrayDyn<'_, f64>,
         threads: Option<bool>,
     ) -> PyResult<()> {
-        let sizes = (self.info().state.len(), self.info().velocities.len());
-        let how = (self.cost(), threads);
-        functions::forces(py, self.dynamics(), sizes, (pairs.as_array(), t, out.as_array_mut()), how)
+        let (dynamics, sizes) = (self.dynamics(), (self.info().state.len(), self.info().velocities.len()));
+        let at = (pairs.as_array(), t, out.as_array_mut());
+        let forces = |y: &[f64], a: &[f64]| dynamics.inverse_dynamics(t, y, a);
+        functions::of_pairs(py, dynamics, sizes, at, (self.cost(), threads), forces)
     }
 
     /// Files of the models that this one is the quotient of, and the variables of the map, where the scene has it.
@@ -565,17 +600,6 @@ impl Scene {
         })
     }
 
-    /// The equations of motion in LaTeX.
-    fn latex(&self, py: Python<'_>) -> PyResult<String> {
-        self.equations(py, Style::Latex)
-    }
-
-    /// Everything that is known about the scene, as `hamel explain` prints it.
-    fn explain(&self, py: Python<'_>) -> PyResult<String> {
-        let derived = py.detach(|| self.model.derive(&self.info().scene)).or_raise(py)?;
-        Ok(explain::explain(&self.model, &derived, Style::Unicode))
-    }
-
     /// The text of the model reduced by the symmetries that are found, a line on each, and the dimension of the
     /// group, and the map from the model where it is known.
     fn reduce(&self, py: Python<'_>) -> PyResult<ReducedParts> {
@@ -624,17 +648,6 @@ impl Scene {
         Ok(py.detach(find).or_raise(py)?.to_json().to_string())
     }
 
-    /// The page of `hamel report`, without a motion.
-    fn report(&self, py: Python<'_>) -> PyResult<String> {
-        let page = || hamel::output::report::page(&contents(&self.model, &self.info().scene)?, None);
-        py.detach(page).or_raise(py)
-    }
-
-    /// The equations of motion in MathML.
-    fn math_ml(&self, py: Python<'_>) -> PyResult<String> {
-        self.equations(py, Style::MathMl)
-    }
-
     /// Rates of the same states, `repeats` times in Rust alone, in seconds: `[arrays as Python has them, lanes]`. For
     /// measurements only.
     fn measured(
@@ -672,14 +685,5 @@ impl Scene {
             [of_arrays, clock.elapsed().as_secs_f64()]
         };
         Ok(py.detach(seconds))
-    }
-}
-
-impl Scene {
-    fn equations(&self, py: Python<'_>, style: Style) -> PyResult<String> {
-        let derived = py.detach(|| self.model.derive(&self.info().scene)).or_raise(py)?;
-        let sections = explain::sections(&self.model, &derived, style);
-        let wanted = |section: &&explain::Section| section.kind == SectionKind::Equations;
-        Ok(sections.iter().find(wanted).map(|section| section.text.clone()).unwrap_or_default())
     }
 }

@@ -59,7 +59,7 @@ def test_the_stub_is_what_the_native_module_has():
     assert found.returncode == 0, found.stdout + found.stderr
 
 
-@pytest.mark.parametrize("module", ["pyhamel", "pyhamel._model", "pyhamel._results", "pyhamel._fit"])
+@pytest.mark.parametrize("module", ["pyhamel", "pyhamel._model", "pyhamel._results", "pyhamel._fit", "pyhamel._linear"])
 def test_examples_of_docstrings_run(module):
     assert doctest.testmod(importlib.import_module(module)).failed == 0
 
@@ -70,6 +70,21 @@ def test_the_notebook_runs(tmp_path):
     nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
     shown = [output.data for cell in notebook.cells for output in cell.get("outputs", []) if "data" in output]
     assert any("text/latex" in data for data in shown) and any("<iframe" in data.get("text/html", "") for data in shown)
+    assert any("Eigenvalues of A" in data.get("text/html", "") for data in shown)
+    assert "<h3>Equations of motion</h3>" in shown[-1]["text/html"] and "θ" in shown[-1]["text/plain"]
+
+
+@pytest.mark.parametrize("name, package", [("cart_pole_control", "control"), ("cart_pole_gym", "gymnasium")])
+def test_examples_run(name, package, tmp_path):
+    pytest.importorskip(package)
+    example = ROOT / f"python/examples/{name}.py"
+    ran = subprocess.run([sys.executable, str(example)], cwd=tmp_path, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+
+
+def test_every_example_is_run():
+    text = pathlib.Path(__file__).read_text()
+    assert all(example.stem in text for example in (ROOT / "python/examples").glob("*.*"))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

@@ -85,6 +85,14 @@ pub trait Dynamics: Send + Sync {
     /// Writes the derivatives of the right-hand side: row `i` has those of component `i`.
     fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]);
 
+    /// The product `J^T w` of the transposed Jacobian, or why the scene has none.
+    ///
+    /// # Errors
+    /// The reason, in words that follow the name of the scene.
+    fn vjp(&self, _t: f64, _y: &[f64], _w: &[f64]) -> Result<Vec<f64>, String> {
+        Err("has no products of its transposed Jacobian".to_owned())
+    }
+
     /// The forces along the velocities of the state that have to act beside the model's for these velocities to have
     /// the rates `a`, both in the order of [`Info::velocities`], where the scene wants `inverse_dynamics`.
     fn inverse_dynamics(&self, t: f64, y: &[f64], a: &[f64]) -> Option<Vec<f64>> {

@@ -5,7 +5,9 @@
 
 use std::sync::{Arc, OnceLock};
 
-use hamel_codegen::scene::{self, BuiltScene, DiscreteLayout, DiscretePart, Executable, Interpreter};
+use hamel_codegen::scene::{
+    self, BuiltScene, Derivative, DiscreteLayout, DiscretePart, Executable, Interpreter,
+};
 use hamel_codegen::spec::Want;
 use hamel_program::program::{Counts, Function, Role, SeriesRoom};
 use hamel_runtime::{Dual, F64x4, F64x8, Failure, Pivot, Wiener};
@@ -51,6 +53,8 @@ pub struct Built {
     residuals: OnceLock<Option<Box<Built>>>,
     /// The same with its exact flows, or why there are none.
     splitting: OnceLock<Result<Runnable, String>>,
+    /// The same with products of its transposed Jacobian, or why there are none.
+    vjp: OnceLock<Result<Runnable, String>>,
 }
 
 /// Derives and lowers a scene.
@@ -107,6 +111,7 @@ impl Built {
             positions: OnceLock::new(),
             residuals: OnceLock::new(),
             splitting: OnceLock::new(),
+            vjp: OnceLock::new(),
         }
     }
 
@@ -263,19 +268,32 @@ impl Built {
 
     /// The scene with its exact flows, or why it has none.
     fn with_splitting(&self) -> Result<&Runnable, String> {
-        let find = || {
-            let is_sound = |found: &Option<Result<Executable, String>>| {
-                found.iter().flatten().all(|found| fits(found, &self.info))
-            };
-            let found = self.model.cached("splitting", &self.info.scene, is_sound, || {
-                let scene = self.derived().map(|scene| scene.with_splitting().map_err(why_unsplit));
-                Ok(scene.map(|found| found.map(|scene| scene.executable())))
-            });
-            let found: Result<Executable, String> =
-                found.ok().flatten().unwrap_or_else(|| Err("could not be derived again".to_owned()));
-            found.map(|executable| Runnable::new(executable, self.is_in_memory))
-        };
+        let find = || self.also_or_why("splitting", |scene| scene.with_splitting().map_err(why_unsplit));
         self.splitting.get_or_init(find).as_ref().map_err(Clone::clone)
+    }
+
+    /// The scene with products of its transposed Jacobian, or why it has none.
+    fn with_vjp(&self) -> Result<&Runnable, String> {
+        let why = |error| format!("has no products of its transposed Jacobian: {error}");
+        let find = || self.also_or_why("vjp", |scene| scene.with_vjp().map_err(why));
+        self.vjp.get_or_init(find).as_ref().map_err(Clone::clone)
+    }
+
+    /// As [`also`](Self::also), or why there is none.
+    fn also_or_why(
+        &self,
+        what: &str,
+        with: impl Fn(&BuiltScene) -> Result<BuiltScene, String>,
+    ) -> Result<Runnable, String> {
+        let is_sound = |found: &Option<Result<Executable, String>>| {
+            found.iter().flatten().all(|found| fits(found, &self.info))
+        };
+        let found = self.model.cached(what, &self.info.scene, is_sound, || {
+            Ok(self.derived().map(|scene| with(scene).map(|scene| scene.executable())))
+        });
+        let found: Result<Executable, String> =
+            found.ok().flatten().unwrap_or_else(|| Err("could not be derived again".to_owned()));
+        found.map(|executable| Runnable::new(executable, self.is_in_memory))
     }
 
     /// The events of the scene, if it has any.
@@ -331,6 +349,7 @@ impl Built {
             positions: OnceLock::new(),
             constraint_rows: OnceLock::new(),
             splitting: OnceLock::new(),
+            vjp: OnceLock::new(),
             lanes: OnceLock::new(),
         }))
     }
@@ -381,6 +400,8 @@ struct Interpreted<'a> {
     constraint_rows: OnceLock<Option<ConstraintRows<'a>>>,
     /// The interpreter of the scene with exact flows.
     splitting: OnceLock<Option<Interpreter<'a>>>,
+    /// What evaluates products of the transposed Jacobian.
+    vjp: OnceLock<Option<Driving<'a>>>,
     /// The same parameters on every lane, when first asked for; none where the scene is interpreted.
     lanes: OnceLock<Option<OnLanes<'a>>>,
 }
@@ -389,6 +410,15 @@ impl<'a> Interpreted<'a> {
     fn with_splitting(&self) -> Option<&Interpreter<'a>> {
         let prepare = || self.built.with_splitting().ok()?.prepare(&self.params).ok();
         self.splitting.get_or_init(prepare).as_ref()
+    }
+
+    /// Products of the transposed Jacobian with the inputs of the scene.
+    fn with_vjp(&self) -> Option<&Driving<'a>> {
+        let prepare = || {
+            let held = Driving::held(self.built.with_vjp().ok()?.prepare(&self.params).ok()?);
+            Some(held.driven(&self.interpreter.drive).holding(&self.inputs))
+        };
+        self.vjp.get_or_init(prepare).as_ref()
     }
 
     fn with_positions(&self) -> Option<&Interpreter<'a>> {
@@ -438,6 +468,9 @@ impl Dynamics for Interpreted<'_> {
             self.interpreter.interpreter.set_inputs(inputs);
             // Those on lanes are prepared again when they are asked for.
             self.lanes.take();
+            if let Some(Some(vjp)) = self.vjp.get_mut() {
+                vjp.interpreter.set_inputs(inputs);
+            }
         }
         true
     }
@@ -501,6 +534,12 @@ impl Dynamics for Interpreted<'_> {
         let (inputs, until) = drive.as_ref().map(|drive| drive.piece((t, towards))).unzip();
         interpreter.series_by((&series.jet, series.run()), room, (t, y), inputs.as_deref(), &mut out);
         Some(until.unwrap_or(towards))
+    }
+
+    fn vjp(&self, t: f64, y: &[f64], w: &[f64]) -> Result<Vec<f64>, String> {
+        self.built.with_vjp()?;
+        let product = self.with_vjp().and_then(|vjp| vjp.at(t).product(Derivative::Vjp, t, y, w));
+        product.ok_or_else(|| "does not allow the values of the parameters".to_owned())
     }
 
     fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]) {

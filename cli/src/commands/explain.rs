@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
-use hamel_codegen::scene::{self, Certificate};
+use hamel_codegen::scene;
 use hamel_codegen::spec::ConnectionKind;
 use hamel_expr::Style;
 use hamel_mechanics::mechanics::connection_coefficients;
@@ -103,7 +103,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     if arguments.certify {
         let found = built.certify(DEEP);
         let found = found.map_err(|error| model.diagnostics(vec![model.diagnose(&error)]))?;
-        return Ok(certificate(&found));
+        return Ok(found.table());
     }
     if arguments.stages {
         return Ok(hamel_codegen::explain::stages(&model, &built));
@@ -126,20 +126,6 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
 
 /// Points at which `--certify` looks.
 const DEEP: usize = 64;
-
-/// What was held to its definition, a line for each function.
-fn certificate(found: &Certificate) -> String {
-    let mut text = format!("{}\n", found.sentence());
-    let width =
-        found.held.keys().chain(found.open.keys()).map(|name| name.chars().count()).max().unwrap_or(0);
-    for (name, residual) in &found.held {
-        text.push_str(&format!("  {name:width$}  {residual:.1e} of its terms\n"));
-    }
-    for (name, reason) in &found.open {
-        text.push_str(&format!("  {name:width$}  not held: {reason}\n"));
-    }
-    text
-}
 
 /// The table of all formulations of a scene, found under a bar that appears on a terminal only.
 fn formulations(model: &Checked, scene: &str) -> Result<String, Error> {

@@ -9,10 +9,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use clap::{Args, ValueEnum};
 use hamel_codegen::Config;
 use hamel_codegen::config::{Language, Progress};
-use hamel_codegen::scene::{self, BuiltScene, Scenes, Start, Writing};
+use hamel_codegen::scene::{self, Scenes};
 
-use crate::output::fmu::archive;
-use crate::output::opened::{Opened, writable};
+use crate::output::fmu::{self, archive};
+use crate::output::opened::writable;
 use hamel_run::error::Error;
 use hamel_run::model::{Model, show_warnings};
 use hamel_run::session::Session;
@@ -252,7 +252,7 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
         let reason = "is one FMU, of one scene: give one model and one --scene, or --out-dir";
         return Err(Error::unusable("--output", reason));
     }
-    let fmu_file = |path: &Path| fmu_file(path, arguments.force);
+    let fmu_file = |path: &Path| fmu::open(path, arguments.force);
     let mut opened = arguments.output.as_deref().map(fmu_file).transpose()?;
     let mut written = Vec::new();
     for model in models {
@@ -265,12 +265,7 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
         for built in
             scenes.build_all(&names).map_err(|problems| Error::Models { problems: vec![problems] })?
         {
-            let initial = start(model, &built)?;
-            let (c, fmu) = built.emit_fmu(&Writing::default(), initial).map_err(|e| {
-                Error::unusable(format!("scene {} of {}:", built.name(), model.name), e.to_string())
-            })?;
-            let bytes = archive(&c, &fmu)?;
-            let name = format!("{}.fmu", c.prefix);
+            let (name, bytes) = archive(model, &built)?;
             let file = match (opened.take(), &arguments.out_dir) {
                 (Some(file), _) => file,
                 (None, Some(folder)) => fmu_file(&folder.join(name))?,
@@ -281,27 +276,4 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
         }
     }
     Ok(format!("{} FMUs written{}", written.len(), written.concat()))
-}
-
-/// The file of an FMU, in a folder that is made. An archive at its place is replaced; another file, by force alone.
-fn fmu_file(path: &Path, by_force: bool) -> Result<Opened, Error> {
-    let shown = path.display().to_string();
-    if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("fmu")) {
-        return Err(Error::unusable(shown, "is no FMU: let the name end in .fmu"));
-    }
-    if !by_force && std::fs::read(path).is_ok_and(|there| !there.is_empty() && !there.starts_with(b"PK")) {
-        return Err(Error::unusable(shown, "is there and no FMU: give another name, or add --force"));
-    }
-    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
-    }
-    Opened::new(path)
-}
-
-/// Where an FMU begins: at the initial state of the scene; none where the scene leaves out what it takes to tell.
-///
-/// # Errors
-/// Why there are no coordinates that satisfy the equations between them.
-fn start(model: &Model, built: &BuiltScene) -> Result<Option<Start>, Error> {
-    scene::start(model, built).map_err(|e| Error::unusable(&model.name, e.to_string()))
 }

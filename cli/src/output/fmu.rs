@@ -6,19 +6,61 @@ use std::io::{Cursor, Write as _};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use hamel_codegen::scene::{CModule, Fmu};
+use hamel_codegen::scene::{self, BuiltScene, CModule, Fmu, Writing};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
+use super::opened::Opened;
 use hamel_run::error::Error;
+use hamel_run::model::Model;
 use hamel_run::temporary::Temporary;
 
-/// The archive of a scene: description, sources, and what the C compiler of this machine makes of them.
+/// Writes the FMU of a scene to a file, in a folder that is made. An archive at its place is replaced; another file, by
+/// force alone.
 ///
 /// # Errors
-/// [`Error::Request`] without a C compiler, where it refuses the sources, and on a platform without a name here;
-/// [`Error::Io`].
-pub fn archive(c: &CModule, fmu: &Fmu) -> Result<Vec<u8>, Error> {
+/// As [`archive`]; [`Error::Request`] for a file that is there and no FMU, and for a name that does not end in .fmu;
+/// [`Error::Io`]. On an error nothing has been written.
+pub fn write(path: &Path, by_force: bool, model: &Model, scene: &BuiltScene) -> Result<(), Error> {
+    let file = open(path, by_force)?;
+    let (_, bytes) = archive(model, scene)?;
+    file.write(&bytes)
+}
+
+/// The file of an FMU as [`write`] takes it, opened before there is something to write.
+///
+/// # Errors
+/// As [`write`], about the file.
+pub(crate) fn open(path: &Path, by_force: bool) -> Result<Opened, Error> {
+    let shown = path.display().to_string();
+    if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("fmu")) {
+        return Err(Error::unusable(shown, "is no FMU: let the name end in .fmu"));
+    }
+    if !by_force && std::fs::read(path).is_ok_and(|there| !there.is_empty() && !there.starts_with(b"PK")) {
+        return Err(Error::unusable(shown, "is there and no FMU: give another name, or add --force"));
+    }
+    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
+    }
+    Opened::new(path)
+}
+
+/// Name and bytes of the FMU of a scene, which begins at the initial state: description, sources, and the library that
+/// the C compiler of this machine makes of them.
+///
+/// # Errors
+/// [`Error::Request`] for scenes that are no FMU, without a C compiler, where it refuses the sources, and on a platform
+/// without a name here; [`Error::Io`].
+pub(crate) fn archive(model: &Model, scene: &BuiltScene) -> Result<(String, Vec<u8>), Error> {
+    let initial = scene::start(model, scene).map_err(|e| Error::unusable(&model.name, e.to_string()))?;
+    let (c, fmu) = scene
+        .emit_fmu(&Writing::default(), initial)
+        .map_err(|e| Error::unusable(format!("scene {} of {}:", scene.name(), model.name), e.to_string()))?;
+    Ok((format!("{}.fmu", c.prefix), zipped(&c, &fmu)?))
+}
+
+/// The archive of description, sources and library.
+fn zipped(c: &CModule, fmu: &Fmu) -> Result<Vec<u8>, Error> {
     let sources = [
         (format!("{}.h", c.prefix), &c.header),
         (format!("{}.c", c.prefix), &c.source),

@@ -84,4 +84,18 @@ impl Certificate {
         let points = self.n_points;
         format!("Held to its definition at {points} point{}: {n} function{}{but}.", plural(points), plural(n))
     }
+
+    /// The sentence, and a line for each function.
+    pub fn table(&self) -> String {
+        let mut text = format!("{}\n", self.sentence());
+        let names = self.held.keys().chain(self.open.keys());
+        let width = names.map(|name| name.chars().count()).max().unwrap_or(0);
+        for (name, residual) in &self.held {
+            text.push_str(&format!("  {name:width$}  {residual:.1e} of its terms\n"));
+        }
+        for (name, reason) in &self.open {
+            text.push_str(&format!("  {name:width$}  not held: {reason}\n"));
+        }
+        text
+    }
 }

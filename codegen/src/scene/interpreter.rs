@@ -116,6 +116,11 @@ impl Executable {
         Interpreter::new(run, Cow::Borrowed(&self.patterns), params)
     }
 
+    /// Rows and columns of a derivative that is a matrix, when the scene wants it.
+    pub fn matrix_size(&self, derivative: Derivative) -> Option<(usize, usize)> {
+        self.patterns.iter().find(|pattern| pattern.name == derivative.name()).map(|pattern| pattern.shape)
+    }
+
     /// Checks the rules of the program, and that every part has the size with which it is read: what holds for a value
     /// that was built, and has to be asked of one that was stored.
     ///

@@ -492,6 +492,16 @@ impl BuiltScene {
         self.beside(&plan, Vec::new())
     }
 
+    /// The scene with the same parameters and state that wants the right-hand side and products of its transposed
+    /// Jacobian ([`Derivative::Vjp`]).
+    ///
+    /// # Errors
+    /// What lowering can find.
+    pub fn with_vjp(&self) -> Result<BuiltScene, Error> {
+        let plan = Plan { derivatives: [Derivative::Vjp].into(), ..self.bare_plan() };
+        self.beside(&plan, Vec::new())
+    }
+
     /// The scene with the same parameters and state that wants the right-hand side and the residuals of the equations
     /// between coordinates.
     ///

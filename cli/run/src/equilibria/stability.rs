@@ -22,6 +22,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::field::{Field, Point, Values, Variable};
 use super::symmetry::Symmetry;
+use crate::eigenvalues::{eigenvalues, sort};
 
 /// A vector beside which another one of this part of its size is zero.
 const SMALL: f64 = 1e-7;
@@ -133,18 +134,6 @@ struct Reduced {
     constants: Vec<DVector<f64>>,
 }
 
-fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<[f64; 2]> {
-    match matrix.is_empty() {
-        true => Vec::new(),
-        false => matrix.complex_eigenvalues().iter().map(|z| [z.re, z.im]).collect(),
-    }
-}
-
-/// The largest real part first.
-fn sort(eigenvalues: &mut [[f64; 2]]) {
-    eigenvalues.sort_by(|x, y| y[0].total_cmp(&x[0]).then(y[1].total_cmp(&x[1])));
-}
-
 /// What deviations are told by.
 pub(super) struct Setting<'a> {
     pub(super) field: &'a Field<'a>,
@@ -167,7 +156,7 @@ impl Setting<'_> {
         let Reduced { space, n_invariants, n_symmetries, kept, constants } =
             self.reduced(at, &slopes, (&motion, true), Vec::new())?;
         let (reduced, n_neutral) = without_null(space.transpose() * &motion * &space, self.scale)?;
-        let mut eigenvalues = eigenvalues(&reduced);
+        let mut eigenvalues = eigenvalues(&reduced)?;
         sort(&mut eigenvalues);
         let energy = self.energy_test(at, &kept, &constants, &space);
         let mut found = Stability {
@@ -203,7 +192,7 @@ impl Setting<'_> {
         let Reduced { space, n_invariants, n_symmetries, .. } =
             self.reduced(at, &slopes, (&change, is_smooth), vec![ahead])?;
         let (reduced, n_neutral) = without_null(space.transpose() * &change * &space, 1.0)?;
-        let mut multipliers = eigenvalues(&reduced);
+        let mut multipliers = eigenvalues(&reduced)?;
         multipliers.iter_mut().for_each(|z| z[0] += 1.0);
         multipliers.sort_by(|x, y| y[0].hypot(y[1]).total_cmp(&x[0].hypot(x[1])));
         let exponent =
