@@ -10,6 +10,8 @@
 mod branch;
 mod legendre;
 pub(crate) mod path;
+#[cfg(test)]
+mod tests;
 
 use hamel_runtime::{Integrator, Method, Options};
 
