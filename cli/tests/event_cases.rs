@@ -322,3 +322,52 @@ fn co_simulation_carries_the_events_out_whatever_the_communication_step() {
         }
     }
 }
+
+/// An importer makes the steps, and looks for events at their ends alone.
+#[test]
+fn an_importer_that_makes_the_steps_does_not_fall_through_the_floor() {
+    let is_there = Command::new("cc").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    if !is_there.is_ok_and(|status| status.success()) {
+        println!("no C compiler: FMUs are not tried");
+        return;
+    }
+    let ball = "model m { coordinate z in real; lagrangian = z_dot^2/2 - 10*z;
+        event hit = z falling { then z_dot = -z_dot/2; } initial z = 5; initial z_dot = 0; }";
+    let model = spec::parse("m", ball).unwrap_or_else(|e| panic!("{e}"));
+    let built = scene::build(&model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"));
+    let initial = scene::start(&model, &built).unwrap_or_else(|e| panic!("{e}"));
+    let (c, fmu) = built.emit_fmu(&Writing::default(), initial).unwrap_or_else(|e| panic!("{e}"));
+    let folder = folder().join("fmu_exchanged");
+    std::fs::create_dir_all(&folder).unwrap();
+    for (file, text) in [("m.h", &c.header), ("m.c", &c.source), ("m_fmu.c", &fmu.source)] {
+        std::fs::write(folder.join(file), text).unwrap();
+    }
+    let driver = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/events/model_exchange.c");
+    let mut compiler = Command::new("cc");
+    compiler.args(["-std=c99", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-o", "run"]);
+    let out = compiler.args(["m.c", "m_fmu.c", driver, "-lm"]).current_dir(&folder).output().unwrap();
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let token = fmu.source.split("FMU_TOKEN \"").nth(1).and_then(|rest| rest.split('"').next()).unwrap();
+    let motion = |t_final: &str, step: &str| {
+        let out = Command::new(folder.join("run")).args([token, t_final, step, "2", "1"]).output().unwrap();
+        assert!(out.status.success());
+        text(&out.stdout)
+    };
+    for step in ["0.003", "0.03"] {
+        // It falls for a second, flies for one, then for half a second; 2.6 is past its third touch.
+        let told = motion("2.6", step);
+        let numbers: Vec<f64> = told.lines().skip(1).map(|line| line.parse().unwrap()).collect();
+        let flown: f64 = 0.1;
+        let (z, z_dot) = (1.25 * flown - 5.0 * flown * flown, 1.25 - 10.0 * flown);
+        assert!(told.starts_with("reached"), "{step}: {told}");
+        assert!((numbers[1] - z).abs() < 1e-9 && (numbers[2] - z_dot).abs() < 1e-9, "{step}: {told}");
+        // It comes to rest after three seconds.
+        let told = motion("10", step);
+        let z: f64 = told.lines().nth(3).unwrap().parse().unwrap();
+        assert!(
+            told.contains("failed: a step has passed an event") && told.contains("\nstopped\n"),
+            "{step}: {told}"
+        );
+        assert!(z.abs() < 1e-2, "{step}: {told}");
+    }
+}

@@ -88,7 +88,8 @@ pub(crate) type Refusal = &'static str;
 pub(crate) const NOT_THERE: Refusal = "the equations between coordinates keep their rank next to it";
 pub(crate) const NOT_REACHED: Refusal = "the motion comes to it without speed, or not on one branch";
 const NOISY: Refusal = "noise moves the motion, so that none through it is smooth";
-const TOUCHING: Refusal = "branches touch there, or the motion turns round next to it, so that no smooth motion tells them apart";
+const TOUCHING: Refusal =
+    "branches touch there, or the motion turns round next to it, so that no smooth motion tells them apart";
 const NOT_SMOOTH: Refusal = "the motion beside it does not go on as one that is smooth";
 const NOT_KEPT: Refusal = "a smooth motion through it does not keep the energy";
 

@@ -48,6 +48,8 @@ typedef struct {
     double side;
     /* When its event has last changed the state. */
     double last;
+    /* Whether that event has turned it back to the side it came from; followed where an importer makes the steps. */
+    bool is_turned;
 } Watch;
 
 /* What a motion consists of: copied where the state of the FMU is kept. */
@@ -496,6 +498,43 @@ FMI3_EXPORT fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) {
     return fmi3OK;
 }
 
+/* A function that its own event has turned back, and that a step has left where it was, on its way behind zero again,
+   has been on the other side in between: within rounding it has its event now. One that rounding alone has moved behind
+   zero, while it goes away from there, has none. */
+static fmi3Status look_behind(Instance *m, const double *now) {
+    double slopes[AT_LEAST_ONE(FMU_EVENTS)];
+    bool may_be = false;
+    for (int k = 0; k < FMU_EVENTS; k++) {
+        may_be = may_be || m->data.watch[k].phase == RESTARTED || is_change(k, m->data.watch[k].value, now[k]);
+    }
+    if (!may_be) {
+        return fmi3OK;
+    }
+    event_rates(&m->data, slopes);
+    for (int k = 0; k < FMU_EVENTS; k++) {
+        Watch *w = &m->data.watch[k];
+        const bool is_behind = w->phase == RESTARTED && w->is_turned && w->side * now[k] >= 0.0;
+        const bool is_back = is_behind && w->side * slopes[k] > 0.0;
+        if (is_back && fabs(now[k] - w->level) > noise(w)) {
+            return fail(m, "a step has passed an event that follows another one of its kind: events accumulate, or "
+                           "steps are too long for them; let the event end the motion, or take shorter steps");
+        }
+        if (is_back) {
+            w->phase = APART;
+            w->value = -w->side;
+        }
+        const double side = now[k] - w->value;
+        const bool is_rounding = fabs(now[k]) <= noise(w) && side * slopes[k] < 0.0;
+        if (w->phase == APART && is_change(k, w->value, now[k]) && is_rounding) {
+            w->phase = RESTARTED;
+            w->is_turned = true;
+            w->side = side;
+            w->level = now[k];
+        }
+    }
+    return fmi3OK;
+}
+
 FMI3_EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, bool *need_update, bool *terminate,
                                                 bool *nominals_changed, bool *values_changed, bool *next_defined,
                                                 double *next) {
@@ -506,6 +545,9 @@ FMI3_EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, bool *nee
     double now[AT_LEAST_ONE(FMU_EVENTS)], slopes[AT_LEAST_ONE(FMU_EVENTS)], sides[AT_LEAST_ONE(FMU_EVENTS)];
     bool due[AT_LEAST_ONE(FMU_EVENTS)] = {false}, accumulates = false;
     fmu_events(&m->data.prepared, m->data.t, m->data.y, now);
+    if (look_behind(m, now) != fmi3OK) {
+        return fmi3Error;
+    }
     event_rates(&m->data, slopes);
     for (int k = 0; k < FMU_EVENTS; k++) {
         Watch *w = &m->data.watch[k];
@@ -520,6 +562,15 @@ FMI3_EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, bool *nee
     if (accumulates) {
         return fail(m, "events accumulate: one changes the state again within the rounding of time; let it end the "
                        "motion");
+    }
+    if (*values_changed) {
+        event_rates(&m->data, slopes);
+    }
+    for (int k = 0; k < FMU_EVENTS; k++) {
+        Watch *w = &m->data.watch[k];
+        if (*values_changed && w->phase == RESTARTED) {
+            w->is_turned = due[k] && sides[k] * slopes[k] < 0.0;
+        }
     }
     *terminate = m->data.has_ended;
     *need_update = *nominals_changed = *next_defined = false;
@@ -540,6 +591,9 @@ FMI3_EXPORT fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, bool n
         return fmi3Error;
     }
     fmu_events(&m->data.prepared, m->data.t, m->data.y, now);
+    if (look_behind(m, now) != fmi3OK) {
+        return fmi3Error;
+    }
     *enter_event_mode = *terminate = false;
     for (int k = 0; k < FMU_EVENTS; k++) {
         const Watch *w = &m->data.watch[k];
@@ -549,8 +603,9 @@ FMI3_EXPORT fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, bool n
         pass(&m->data, now);
         for (int k = 0; k < FMU_EVENTS; k++) {
             Watch *w = &m->data.watch[k];
-            /* What has just been zero has no sign before it has left its level. */
-            w->phase = now[k] != w->level ? APART : w->phase;
+            /* What has just been zero has no sign before it has left its level, and zero where it was turned back. */
+            const bool is_behind = w->phase == RESTARTED && w->is_turned && w->side * now[k] >= 0.0;
+            w->phase = now[k] != w->level && !is_behind ? APART : w->phase;
         }
     }
     return fmi3OK;
