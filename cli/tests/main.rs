@@ -14,6 +14,7 @@ mod ensemble;
 mod event_cases;
 mod events;
 mod fit;
+mod fmus;
 mod folds;
 mod forms;
 mod inputs;

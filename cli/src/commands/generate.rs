@@ -256,7 +256,8 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
     let mut opened = arguments.output.as_deref().map(fmu_file).transpose()?;
     let mut written = Vec::new();
     for model in models {
-        let mut scenes = Scenes::new(model);
+        // Start values and parameters are an importer's, and held to the equations.
+        let mut scenes = Scenes::new(model).with_positions(true);
         let names = match (&arguments.output, arguments.scene.is_empty()) {
             (_, false) => arguments.scene.clone(),
             (Some(_), true) => vec![scene::DEFAULT.to_owned()],

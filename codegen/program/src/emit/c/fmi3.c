@@ -62,6 +62,9 @@ typedef struct {
     bool is_stale;
     fmu_prepared prepared;
     Watch watch[AT_LEAST_ONE(FMU_EVENTS)];
+    /* The last point from which the motion goes on, where it is followed: see fmi3_kept.c. */
+    double t_before;
+    double y_before[AT_LEAST_ONE(FMU_STATE)];
     /* When an event has last changed the state. */
     double since;
     /* Events that are closer accumulate. */
@@ -99,20 +102,6 @@ static void start(Data *d) {
     }
 }
 
-/* Checks and prepares the parameters where they have changed. */
-static fmi3Status ready(Instance *m) {
-    if (m->data.is_stale) {
-        const int code = fmu_prepare(m->data.params, &m->data.prepared);
-        if (code != 0) {
-            return fail(m, fmu_message(code));
-        }
-        m->data.is_stale = false;
-    }
-    return fmi3OK;
-}
-
-/* EVENTS */
-
 /* All variables. */
 static void evaluate(const Data *d, double *all) {
     all[0] = d->t;
@@ -133,6 +122,10 @@ static void differentiate(const Data *d, const double *seeds, double *all) {
 
 /* Arrays of evaluate may be written past a part that is empty. */
 enum { N_ALL = N_REFERENCES + 1 };
+
+/* KEPT */
+
+/* EVENTS */
 
 /* How fast the functions of events change along the motion. */
 static void event_rates(const Data *d, double *slopes) {
@@ -232,7 +225,13 @@ FMI3_EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
     if (code != 0) {
         return fail(m, fmu_message(code));
     }
+    double nothing[AT_LEAST_ONE(FMU_KEPT)] = {0.0}, residuals[AT_LEAST_ONE(FMU_KEPT)];
+    const int broken = kept(&m->data, nothing, residuals);
+    if (broken >= 0) {
+        return fail(m, fmu_kept_message(broken));
+    }
     look_again(&m->data);
+    go_on(&m->data);
     m->data.mode = m->is_co_simulation ? STEP : EVENT;
     return fmi3OK;
 }
@@ -566,6 +565,7 @@ FMI3_EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, bool *nee
     if (*values_changed) {
         event_rates(&m->data, slopes);
     }
+    go_on(&m->data);
     for (int k = 0; k < FMU_EVENTS; k++) {
         Watch *w = &m->data.watch[k];
         if (*values_changed && w->phase == RESTARTED) {
@@ -590,6 +590,10 @@ FMI3_EXPORT fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, bool n
     if (ready(m) != fmi3OK) {
         return fmi3Error;
     }
+    if (passes(&m->data, m->data.t, m->data.y, true)) {
+        return fail(m, passed);
+    }
+    go_on(&m->data);
     fmu_events(&m->data.prepared, m->data.t, m->data.y, now);
     if (look_behind(m, now) != fmi3OK) {
         return fmi3Error;
