@@ -10,7 +10,7 @@ use std::path::Path;
 use hamel_codegen::scene;
 use serde_json::{Value, json};
 
-use crate::common::fmus::{By, Fmu, has_compiler};
+use crate::common::fmus::{self, By, Moved};
 use crate::common::program;
 
 use crate::common::event_table::{Case, End, cases};
@@ -260,36 +260,29 @@ fn ensembles_bound_their_steps_and_carry_events_out() {
 
 #[test]
 fn co_simulation_carries_the_events_out_whatever_the_communication_step() {
-    if !has_compiler() {
-        println!("no C compiler: FMUs are not tried");
-        return;
-    }
     for case in cases() {
         if case.t_final < 0.0 {
             println!("{}: FMUs have no motion backward", case.name);
             continue;
         }
-        let fmu = Fmu::of(case.name, &model(&case), scene::DEFAULT);
+        let Some(fmu) = Moved::new(case.name, &model(&case), scene::DEFAULT, By::Itself) else { return };
         for size in [0.01, 0.37, 2.0, 5.0, 10.0] {
-            let (failures, end, numbers) = fmu.moved(By::Itself, case.t_final, size);
-            let what = format!("{} in steps of {size}: {failures:?}", case.name);
+            let told = fmu.to(case.t_final, size, &[]);
+            let (what, end) = (format!("{} in steps of {size}: {told}", case.name), fmus::numbers(&told));
             match &case.end {
                 End::Accumulates(t) => {
-                    assert!(end == "stopped" && failures[0].contains("events accumulate"), "{what}");
-                    assert!((numbers[0] - t).abs() < 1e-6, "{what}: {numbers:?}");
+                    assert!(told.contains("stopped") && told.contains("events accumulate"), "{what}");
+                    assert!((end[0] - t).abs() < 1e-6, "{what}");
                 }
                 End::By(_) => {
-                    assert_eq!(end, "ended", "{what}");
-                    assert!(is_close(numbers[0], case.events[0].1), "{what}: {numbers:?}");
+                    assert!(told.starts_with("ended"), "{what}");
+                    assert!(is_close(end[0], case.events[0].1), "{what}");
                 }
                 End::Reached(last) => {
-                    assert_eq!(end, "reached", "{what}");
+                    assert!(told.starts_with("reached"), "{what}");
                     // Methods of order five at a tolerance of 1e-11.
                     let is_close = |a: &f64, b: &f64| (a - b).abs() < 1e-6 * (1.0 + b.abs());
-                    assert!(
-                        numbers[1..].iter().zip(last).all(|(a, b)| is_close(a, b)),
-                        "{what}: {numbers:?}, not {last:?}"
-                    );
+                    assert!(end[1..].iter().zip(last).all(|(a, b)| is_close(a, b)), "{what}, not {last:?}");
                 }
             }
         }

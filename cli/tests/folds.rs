@@ -232,6 +232,44 @@ fn branches_that_touch_and_cusps_are_refused() {
     }
 }
 
+/// A weight turns the arms round soon behind a fold: they move as a pendulum of one angle.
+#[test]
+fn arms_that_turn_round_behind_a_fold_come_back() {
+    // 4 al'' = -20 cos(al); the speed in the fold is one.
+    let rate = 11.0_f64.sqrt();
+    let text = PARALLELOGRAM.replace("al_dot^2/2 + be_dot^2/2 + ga_dot^2", "al_dot^2 + ga_dot^2").replace(
+        "initial al = 1; initial ga = 1; initial al_dot = 1;",
+        "initial al = -pi/2; initial ga = -pi/2; initial al_dot = sqrt(11);",
+    );
+    let output = motion("turns_round", &text, &["--t-final", "5", "--set", "g=20"]);
+    assert!(n_passed(&output) > 4, "{output}");
+    let (n, mut x, mut v) = (500_000, -PI / 2.0, rate);
+    let h = 5.0 / f64::from(n);
+    v += h / 2.0 * -5.0 * x.cos();
+    for _ in 0..n {
+        x += h * v;
+        v -= h * 5.0 * x.cos();
+    }
+    v += h / 2.0 * 5.0 * x.cos();
+    for (name, value) in [("al", x), ("ga", x), ("al_dot", v)] {
+        assert!((end(&output, name) - value).abs() < 1e-7, "{name} {value}: {output}");
+    }
+}
+
+/// A motion with noise stops at a fold, also where one interval of the noise has the whole passage in it.
+#[test]
+fn a_motion_with_noise_does_not_pass_a_fold() {
+    let text = PARALLELOGRAM.replace("force al_dot =", "noise W; force al_dot = 0.1*W +");
+    for method in [&["--method", "gauss8", "--step", "0.1"][..], &["--step", "0.01"]] {
+        let arguments = [&["--t-final", "4", "--noise-seed", "1"], method].concat();
+        let (succeeds, output, message) = run("simulate", "noisy", &text, &arguments);
+        assert!(!succeeds, "{method:?}: {output}{message}");
+        assert!(message.contains("noise moves the motion"), "{method:?}: {message}");
+    }
+    // Without its noise the same model goes on.
+    assert_eq!(n_passed(&motion("noiseless", &text, &["--t-final", "4", "--scene", "default"])), 1);
+}
+
 /// Samples next to the fold and events on both sides of it, one in it, one that sets something beside it.
 #[test]
 fn samples_and_events_in_a_fold_are_not_lost() {

@@ -11,8 +11,9 @@ use hamel::output::formulations::table;
 use hamel::output::report::contents::contents;
 use hamel::output::report::page;
 use hamel_codegen::config::Language;
+use hamel_codegen::scene::{self, Scenes};
 use hamel_codegen::spec::Unit;
-use hamel_codegen::{Config, explain as explained, scene};
+use hamel_codegen::{Config, explain as explained};
 use hamel_expr::Style;
 use hamel_run::error::{Error, Problem};
 use hamel_run::model::units;
@@ -61,7 +62,11 @@ fn unknown(path: &str, kind: &'static str, name: &str, known: &[&str]) -> Error 
 /// Writes the FMU of a scene to a file, in the place of one that is there.
 #[pyfunction]
 pub(crate) fn write_fmu(py: Python<'_>, scene: &Scene, path: PathBuf) -> PyResult<()> {
-    let write = || fmu::write(&path, true, &scene.model, &*scene.model.derive(&scene.info().scene)?);
+    let write = || {
+        let name = &scene.info().scene;
+        scene.model.known_scene(name)?;
+        fmu::write(&path, true, &scene.model, &Scenes::new(&scene.model).for_fmus().build(name)?)
+    };
     py.detach(write).or_raise(py)
 }
 

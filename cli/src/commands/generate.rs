@@ -256,7 +256,7 @@ fn fmus(models: &[Model], arguments: &Arguments) -> Result<String, Error> {
     let mut opened = arguments.output.as_deref().map(fmu_file).transpose()?;
     let mut written = Vec::new();
     for model in models {
-        let mut scenes = Scenes::new(model).with_ranks(true);
+        let mut scenes = Scenes::new(model).for_fmus();
         let names = match (&arguments.output, arguments.scene.is_empty()) {
             (_, false) => arguments.scene.clone(),
             (Some(_), true) => vec![scene::DEFAULT.to_owned()],

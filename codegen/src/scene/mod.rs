@@ -132,10 +132,12 @@ impl Scenes {
         self
     }
 
-    /// The same with the rows whose rank a motion may lose, the gradients of constraints by velocities or of equations
-    /// between coordinates, where a scene has any: [`BuiltScene::emit_fmu`] notices a loss by them.
-    pub fn with_ranks(mut self, ranks: bool) -> Scenes {
-        self.ranks = ranks;
+    /// The same with what [`BuiltScene::emit_fmu`] asks of a scene besides what it wants: equations between coordinates,
+    /// where the scene carries these, to which an importer's values are held, and the rows whose rank a motion may lose,
+    /// gradients of constraints by velocities or of these equations.
+    pub fn for_fmus(mut self) -> Scenes {
+        self.positions = true;
+        self.ranks = true;
         self
     }
 

@@ -33,7 +33,7 @@ pub fn build_tampered(
     scene: &str,
     fault: &dyn Fn(Made<'_>),
 ) -> Result<BuiltScene, Diagnostics> {
-    let plan = Scenes::new(model).with_ranks(true).plan(scene)?;
+    let plan = Scenes::new(model).for_fmus().plan(scene)?;
     let mut system = reduce(model, &plan.formulation)?;
     fault(Made::System(&mut system));
     let told = |e| model.diagnostics(vec![model.diagnose(&e)]);

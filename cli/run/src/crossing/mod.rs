@@ -49,6 +49,9 @@ const MAX_PATHS: u32 = 9;
 /// So near the middle, relative to half the length, the position has to be.
 const CENTRED: f64 = 0.02;
 
+/// Where a zero is not settled before the least singular value is so small, it does not fall as the distance in time.
+const UNSETTLED: f64 = 1e-5;
+
 /// A path is not made shorter whose error is this part of the tolerated one.
 const PRECISE: f64 = 1e-2;
 
@@ -86,7 +89,9 @@ pub(crate) type Refusal = &'static str;
 
 pub(crate) const NOT_THERE: Refusal = "the equations between coordinates keep their rank next to it";
 pub(crate) const NOT_REACHED: Refusal = "the motion comes to it without speed, or not on one branch";
-const TOUCHING: Refusal = "branches touch there, so that no smooth motion tells them apart";
+const NOISY: Refusal = "noise moves the motion, so that none through it is smooth";
+const TOUCHING: Refusal =
+    "branches touch there, or the motion turns round next to it, so that no smooth motion tells them apart";
 const NOT_SMOOTH: Refusal = "the motion beside it does not go on as one that is smooth";
 const NOT_KEPT: Refusal = "a smooth motion through it does not keep the energy";
 
@@ -119,6 +124,10 @@ pub(crate) fn find<'f, M>(
 where
     M: Method<f64, PreparedScene<'f>>,
 {
+    // Within one interval of the noise's grid there is a smooth path, but the motion would leave that grid behind it.
+    if !way.scene.info().noises.is_empty() {
+        return Err(NOISY);
+    }
     Branch::lengthen(&**way.scene, marks, &mut way.lengths);
     let approach = way.approach(marks, told).ok_or(NOT_THERE)?;
     if !approach.is_settled {
@@ -248,7 +257,7 @@ impl<'f, M: Method<f64, PreparedScene<'f>>> Way<'_, 'f, M> {
                 return None;
             }
             let is_settled = (zero - expected).abs() <= SETTLED * left.abs() && smaller < OPENING;
-            if is_settled || smaller <= OPENING / 100.0 {
+            if is_settled || smaller <= UNSETTLED {
                 return Some(Approach { t: zero, rate, is_settled });
             }
             expected = zero;

@@ -48,6 +48,8 @@ typedef struct {
     double side;
     /* When its event has last changed the state. */
     double last;
+    /* Whether that event has turned it back to the side it came from; followed where an importer makes the steps. */
+    bool is_turned;
 } Watch;
 
 /* What a motion consists of: copied where the state of the FMU is kept. */
@@ -60,17 +62,15 @@ typedef struct {
     bool is_stale;
     fmu_prepared prepared;
     Watch watch[AT_LEAST_ONE(FMU_EVENTS)];
+    /* The last point from which the motion goes on, where it is followed: see fmi3_kept.c. */
+    double t_before;
+    double y_before[AT_LEAST_ONE(FMU_STATE)];
     /* When an event has last changed the state. */
     double since;
     /* Events that are closer accumulate. */
     double shortest;
     /* Whether the motion has ended by an event. */
     bool has_ended;
-#ifdef FMU_ROWS
-    /* Where the last completed step of an importer has ended. */
-    double seen_t;
-    double seen_y[FMU_STATE];
-#endif /* FMU_ROWS */
     double tolerance;
     /* The next step of the method. */
     double h;
@@ -102,20 +102,6 @@ static void start(Data *d) {
     }
 }
 
-/* Checks and prepares the parameters where they have changed. */
-static fmi3Status ready(Instance *m) {
-    if (m->data.is_stale) {
-        const int code = fmu_prepare(m->data.params, &m->data.prepared);
-        if (code != 0) {
-            return fail(m, fmu_message(code));
-        }
-        m->data.is_stale = false;
-    }
-    return fmi3OK;
-}
-
-/* EVENTS */
-
 /* All variables. */
 static void evaluate(const Data *d, double *all) {
     all[0] = d->t;
@@ -136,6 +122,10 @@ static void differentiate(const Data *d, const double *seeds, double *all) {
 
 /* Arrays of evaluate may be written past a part that is empty. */
 enum { N_ALL = N_REFERENCES + 1 };
+
+/* KEPT */
+
+/* EVENTS */
 
 /* How fast the functions of events change along the motion. */
 static void event_rates(const Data *d, double *slopes) {
@@ -235,7 +225,13 @@ FMI3_EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
     if (code != 0) {
         return fail(m, fmu_message(code));
     }
+    double nothing[AT_LEAST_ONE(FMU_KEPT)] = {0.0}, residuals[AT_LEAST_ONE(FMU_KEPT)];
+    const int broken = kept(&m->data, nothing, residuals);
+    if (broken >= 0) {
+        return fail(m, fmu_kept_message(broken));
+    }
     look_again(&m->data);
+    go_on(&m->data);
     m->data.mode = m->is_co_simulation ? STEP : EVENT;
     return fmi3OK;
 }
@@ -501,6 +497,43 @@ FMI3_EXPORT fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) {
     return fmi3OK;
 }
 
+/* A function that its own event has turned back, and that a step has left where it was, on its way behind zero again,
+   has been on the other side in between: within rounding it has its event now. One that rounding alone has moved behind
+   zero, while it goes away from there, has none. */
+static fmi3Status look_behind(Instance *m, const double *now) {
+    double slopes[AT_LEAST_ONE(FMU_EVENTS)];
+    bool may_be = false;
+    for (int k = 0; k < FMU_EVENTS; k++) {
+        may_be = may_be || m->data.watch[k].phase == RESTARTED || is_change(k, m->data.watch[k].value, now[k]);
+    }
+    if (!may_be) {
+        return fmi3OK;
+    }
+    event_rates(&m->data, slopes);
+    for (int k = 0; k < FMU_EVENTS; k++) {
+        Watch *w = &m->data.watch[k];
+        const bool is_behind = w->phase == RESTARTED && w->is_turned && w->side * now[k] >= 0.0;
+        const bool is_back = is_behind && w->side * slopes[k] > 0.0;
+        if (is_back && fabs(now[k] - w->level) > noise(w)) {
+            return fail(m, "a step has passed an event that follows another one of its kind: events accumulate, or "
+                           "steps are too long for them; let the event end the motion, or take shorter steps");
+        }
+        if (is_back) {
+            w->phase = APART;
+            w->value = -w->side;
+        }
+        const double side = now[k] - w->value;
+        const bool is_rounding = fabs(now[k]) <= noise(w) && side * slopes[k] < 0.0;
+        if (w->phase == APART && is_change(k, w->value, now[k]) && is_rounding) {
+            w->phase = RESTARTED;
+            w->is_turned = true;
+            w->side = side;
+            w->level = now[k];
+        }
+    }
+    return fmi3OK;
+}
+
 FMI3_EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, bool *need_update, bool *terminate,
                                                 bool *nominals_changed, bool *values_changed, bool *next_defined,
                                                 double *next) {
@@ -511,6 +544,9 @@ FMI3_EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, bool *nee
     double now[AT_LEAST_ONE(FMU_EVENTS)], slopes[AT_LEAST_ONE(FMU_EVENTS)], sides[AT_LEAST_ONE(FMU_EVENTS)];
     bool due[AT_LEAST_ONE(FMU_EVENTS)] = {false}, accumulates = false;
     fmu_events(&m->data.prepared, m->data.t, m->data.y, now);
+    if (look_behind(m, now) != fmi3OK) {
+        return fmi3Error;
+    }
     event_rates(&m->data, slopes);
     for (int k = 0; k < FMU_EVENTS; k++) {
         Watch *w = &m->data.watch[k];
@@ -526,6 +562,16 @@ FMI3_EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, bool *nee
         return fail(m, "events accumulate: one changes the state again within the rounding of time; let it end the "
                        "motion");
     }
+    if (*values_changed) {
+        event_rates(&m->data, slopes);
+    }
+    go_on(&m->data);
+    for (int k = 0; k < FMU_EVENTS; k++) {
+        Watch *w = &m->data.watch[k];
+        if (*values_changed && w->phase == RESTARTED) {
+            w->is_turned = due[k] && sides[k] * slopes[k] < 0.0;
+        }
+    }
     *terminate = m->data.has_ended;
     *need_update = *nominals_changed = *next_defined = false;
     *next = 0.0;
@@ -533,12 +579,7 @@ FMI3_EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, bool *nee
 }
 
 FMI3_EXPORT fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) {
-    Data *d = &((Instance *)instance)->data;
-    d->mode = CONTINUOUS;
-#ifdef FMU_ROWS
-    d->seen_t = d->t;
-    memcpy(d->seen_y, d->y, sizeof d->seen_y);
-#endif /* FMU_ROWS */
+    ((Instance *)instance)->data.mode = CONTINUOUS;
     return fmi3OK;
 }
 
@@ -549,17 +590,14 @@ FMI3_EXPORT fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, bool n
     if (ready(m) != fmi3OK) {
         return fmi3Error;
     }
-#ifdef FMU_ROWS
-    Data before = m->data;
-    before.t = m->data.seen_t;
-    memcpy(before.y, m->data.seen_y, sizeof before.y);
-    if (loses_rank(&before, m->data.t, m->data.y)) {
-        return fail(m, lost_rank);
+    if (passes(&m->data, m->data.t, m->data.y, true)) {
+        return fail(m, passed);
     }
-    m->data.seen_t = m->data.t;
-    memcpy(m->data.seen_y, m->data.y, sizeof m->data.seen_y);
-#endif /* FMU_ROWS */
+    go_on(&m->data);
     fmu_events(&m->data.prepared, m->data.t, m->data.y, now);
+    if (look_behind(m, now) != fmi3OK) {
+        return fmi3Error;
+    }
     *enter_event_mode = *terminate = false;
     for (int k = 0; k < FMU_EVENTS; k++) {
         const Watch *w = &m->data.watch[k];
@@ -569,8 +607,9 @@ FMI3_EXPORT fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, bool n
         pass(&m->data, now);
         for (int k = 0; k < FMU_EVENTS; k++) {
             Watch *w = &m->data.watch[k];
-            /* What has just been zero has no sign before it has left its level. */
-            w->phase = now[k] != w->level ? APART : w->phase;
+            /* What has just been zero has no sign before it has left its level, and zero where it was turned back. */
+            const bool is_behind = w->phase == RESTARTED && w->is_turned && w->side * now[k] >= 0.0;
+            w->phase = now[k] != w->level && !is_behind ? APART : w->phase;
         }
     }
     return fmi3OK;

@@ -482,11 +482,18 @@ static double first_events(Data *d, double h, const double *next, double (*slope
     return -1.0;
 }
 
+/* So many shorter steps have come as near to a place where equations depend on each other as says that it is there. */
+enum { MOST_PASSED = 40 };
+
 /* Moves on to a time, or to the end of the motion. */
 static fmi3Status advance(Instance *m, double end) {
     Data *d = &m->data;
     double next[AT_LEAST_ONE(FMU_STATE)], slopes[2][AT_LEAST_ONE(FMU_STATE)];
     look_again(d);
+    go_on(d);
+    /* Until when the way of a first step was looked at with shorter ones, and how many of these were too long. */
+    double until = d->t;
+    int n_passed = 0;
     /* Nobody lives to see the end of what happens more often. */
     d->shortest = 16.0 * EPSILON * fabs(end - d->t);
     while (d->t < end && !d->has_ended) {
@@ -511,6 +518,18 @@ static fmi3Status advance(Instance *m, double end) {
             }
             continue;
         }
+        if (passes(d, d->t + h, next, false)) {
+            n_passed = d->t < until ? n_passed + 1 : 0;
+            until = d->t < until ? until : d->t + h;
+            d->h = 0.2 * h;
+            if (n_passed > MOST_PASSED || d->h < least) {
+                return fail(m, passed);
+            }
+            continue;
+        }
+        if (FMU_EQUATIONS > 0 && is_lost(d, d->t + h, next)) {
+            return fail(m, passed);
+        }
         const double longer = h * fmin(5.0, 0.9 * pow(fmax(error, 1e-10), -0.2));
         bool due[AT_LEAST_ONE(FMU_EVENTS)] = {false};
         const char *message = NULL;
@@ -519,17 +538,10 @@ static fmi3Status advance(Instance *m, double end) {
             return fail(m, message);
         }
         d->h = is_last && longer < d->h ? d->h : longer;
-#ifdef FMU_ROWS
-        if (at > 0.0) {
-            step(d, at, next, NULL);
-        }
-        if (at != 0.0 && loses_rank(d, d->t + (at > 0.0 ? at : h), next)) {
-            return fail(m, lost_rank);
-        }
-#endif /* FMU_ROWS */
         if (at < 0.0) {
             d->t = is_last ? end : d->t + h;
             memcpy(d->y, next, sizeof next);
+            go_on(d);
             continue;
         }
         if (at > 0.0) {
@@ -551,6 +563,7 @@ static fmi3Status advance(Instance *m, double end) {
             return fail(m, "events accumulate: one changes the state again within the rounding of time; let it end "
                            "the motion");
         }
+        go_on(d);
     }
     return fmi3OK;
 }

@@ -207,8 +207,96 @@ static bool loses_rank(const Data *d, double t, const double *y) {
     }
     return n_parts > 1 && jump(d, t, y, n_parts, RANK_DEPTH - 1);
 }
-
-static const char *const lost_rank = "the constraints depend on each other on the way of this step: the motion may go "
-                                     "on in more than one way there; the command hamel simulate goes on along the "
-                                     "branch on which it is smooth";
 #endif /* FMU_ROWS */
+
+static const char *const passed =
+    "equations depend on each other on the way of the last step, as far as the motion has kept them, or a pivot "
+    "vanishes there: the equations of motion are singular; a smaller tolerance keeps equations better";
+
+typedef double Gradients[AT_LEAST_ONE(FMU_FUNCTIONS) * AT_LEAST_ONE(FMU_STATE)];
+typedef double Squares[AT_LEAST_ONE(FMU_EQUATIONS)];
+
+/* The quotients of successive minors of A B^T: of A A^T, the square of the distance of each row from the span of those
+   before it. */
+static void minors(const double *a, const double *b, double *quotients) {
+    double products[AT_LEAST_ONE(FMU_EQUATIONS)][AT_LEAST_ONE(FMU_EQUATIONS)];
+    for (int i = 0; i < FMU_EQUATIONS; i++) {
+        for (int j = 0; j < FMU_EQUATIONS; j++) {
+            products[i][j] = 0.0;
+            for (int k = 0; k < FMU_STATE; k++) {
+                products[i][j] += a[i * FMU_STATE + k] * b[j * FMU_STATE + k];
+            }
+        }
+    }
+    for (int k = 0; k < FMU_EQUATIONS; k++) {
+        quotients[k] = products[k][k];
+        for (int i = k + 1; i < FMU_EQUATIONS; i++) {
+            const double factor = products[i][k] / products[k][k];
+            for (int j = k; j < FMU_EQUATIONS; j++) {
+                products[i][j] -= factor * products[k][j];
+            }
+        }
+    }
+}
+
+/* Whether the equations at a state are so near to depending on each other that what the motion has lost of them may
+   have led it past: at the distance x from the crossing of two branches a gradient is x/L from the span of others, and
+   a state that misses an equation by f, in lengths of its gradient, is on a hyperbola with x^2 > 2 L f. L is the length
+   on which gradients change. */
+static bool is_lost(const Data *d, double t, const double *y) {
+    Gradients before, now;
+    Squares squares;
+    double values[AT_LEAST_ONE(FMU_FUNCTIONS)], missed = 0.0, bend = 0.0, way = 0.0;
+    fmu_gradients(&d->prepared, d->t_before, d->y_before, before);
+    fmu_gradients(&d->prepared, t, y, now);
+    fmu_equations(&d->prepared, t, y, values);
+    minors(now, now, squares);
+    for (int i = 0; i < FMU_STATE; i++) {
+        bool is_position = false;
+        for (int k = 0; k < FMU_EQUATIONS; k++) {
+            is_position = is_position || before[k * FMU_STATE + i] != 0.0 || now[k * FMU_STATE + i] != 0.0;
+        }
+        way += is_position ? (y[i] - d->y_before[i]) * (y[i] - d->y_before[i]) : 0.0;
+    }
+    double least = 1.0;
+    for (int k = 0; k < FMU_EQUATIONS; k++) {
+        double change = 0.0, size = 0.0;
+        for (int i = 0; i < FMU_STATE; i++) {
+            const double a = before[k * FMU_STATE + i], b = now[k * FMU_STATE + i];
+            change += (b - a) * (b - a);
+            size += fmax(a * a, b * b);
+        }
+        missed = fmax(missed, fabs(values[k]) / sqrt(size));
+        bend = fmax(bend, change / size);
+        least = fmin(least, squares[k] / size);
+    }
+    return way > 0.0 && least < 8.0 * missed * sqrt(bend / way);
+}
+
+/* Whether rows lose their rank, or a pivot its sign, on the way from the point before to another one, where the motion
+   ends if that is final. */
+static bool passes(const Data *d, double t, const double *y, bool is_final) {
+    const double change =
+        fmu_signature(&d->prepared, t, y) - fmu_signature(&d->prepared, d->t_before, d->y_before);
+    /* Single divisors have values of their own below one: where the rates have a pole there, no step is accurate. */
+    if (!(fabs(change) < 1.0)) {
+        return true;
+    }
+    if (FMU_EQUATIONS > 0 && is_final && is_lost(d, t, y)) {
+        return true;
+    }
+    bool is_passed = false;
+#ifdef FMU_ROWS
+    Data before = *d;
+    before.t = d->t_before;
+    memcpy(before.y, d->y_before, sizeof before.y);
+    is_passed = loses_rank(&before, t, y);
+#endif /* FMU_ROWS */
+    return is_passed;
+}
+
+/* The motion goes on from where it is. */
+static void go_on(Data *d) {
+    d->t_before = d->t;
+    memcpy(d->y_before, d->y, sizeof d->y);
+}

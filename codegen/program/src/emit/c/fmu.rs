@@ -42,9 +42,16 @@ const FUNCTIONS: &str = include_str!("fmi3.c");
 const EVENTS: &str = include_str!("fmi3_events.c");
 const EVENTS_HERE: &str = "/* EVENTS */\n";
 
-/// Whether a motion has lost the rank of its constraints, before the steps of co-simulation.
+/// What a motion keeps, in the place of [`KEPT_HERE`].
+const KEPT: &str = include_str!("fmi3_kept.c");
+const KEPT_HERE: &str = "/* KEPT */\n\n";
+
+/// Whether a step leads over a place where a motion may go on in more than one way, in the place of [`RANKS_HERE`].
 const RANKS: &str = include_str!("fmi3_ranks.c");
-const RANKS_HERE: &str = "/* RANKS */\n";
+const RANKS_HERE: &str = "/* RANKS */\n\n";
+
+/// The output with the residuals of constraints.
+const CONSTRAINT: &str = "constraint";
 
 /// What stands before and after lines that scenes with inputs alone have.
 const WITH_INPUTS: [&str; 2] = ["#ifdef FMU_INPUTS\n", "#endif /* FMU_INPUTS */\n"];
@@ -95,11 +102,37 @@ impl Writer<'_> {
         let of_events: BTreeSet<&str> =
             events.iter().filter_map(|e| e.sets.as_ref()).map(|(output, _)| output.as_str()).collect();
         let functions = self.module.event_functions();
+        // The residuals of constraints have the equations between coordinates.
+        let has_constraint = self.module.outputs.iter().any(|o| o.text.name == CONSTRAINT);
+        let positions = self.module.positions().filter(|_| has_constraint);
         self.module.outputs.iter().filter(move |o| {
             o.matrix.is_none()
                 && Some(o.name.as_str()) != functions
+                && positions.is_none_or(|(text, ..)| text.values != o.text.name)
                 && !of_events.contains(o.text.name.as_str())
         })
+    }
+
+    /// Where the residuals stand that a state of the motion keeps at zero, among the values of outputs that are shown,
+    /// and their names: of constraints where the scene has these, of equations between coordinates otherwise.
+    fn kept(&self) -> (usize, &[String]) {
+        let positions = self.module.positions();
+        let equations =
+            |o: &OutputRoutine<'_>| positions.is_some_and(|(text, ..)| text.values == o.text.name);
+        let is_constraint = |o: &OutputRoutine<'_>| o.text.name == CONSTRAINT;
+        let has_constraint = self.module.outputs.iter().any(is_constraint);
+        let mut at = usize::from(self.module.energy.is_some());
+        for output in self.shown_outputs() {
+            let components = &output.text.components;
+            if is_constraint(output) {
+                return (at, components);
+            }
+            if let Some((text, ..)) = positions.filter(|_| !has_constraint && equations(output)) {
+                return (at, &components[..text.n_equations]);
+            }
+            at += components.len();
+        }
+        (0, &[])
     }
 
     /// The output with the functions of events.
@@ -178,14 +211,38 @@ impl Writer<'_> {
             ("outputs", roles),
             ("events", indicators.map(role).into_iter().collect()),
         ];
+        let called = |name: &str| format!("    {prefix}_{name}(p, t, y, out);\n");
+        let (n_equations, n_functions, equations, gradients) = match module.positions() {
+            Some((text, n, values, gradients)) => {
+                let output = module.outputs.iter().find(|output| output.name == values);
+                (text.n_equations, n, output.map_or_else(String::new, |o| call(o, 0)), called(gradients))
+            }
+            None => (0, 0, String::new(), String::new()),
+        };
+        let signature = match module.signature {
+            Some(_) => format!("    return {prefix}_signature(p, t, y);\n"),
+            None => "    (void)p, (void)t, (void)y;\n    return 0.0;\n".to_owned(),
+        };
+        let (first_kept, kept) = self.kept();
+        let n_kept = kept.len();
+        let told = kept.iter().map(|name| {
+            format!(
+                "        \"{name} is not zero: start values and parameters have to satisfy the equations of the model\",\n"
+            )
+        });
+        let told: String = told.chain((n_kept == 0).then(|| "        \"\",\n".to_owned())).collect();
         let tangents = trace::tangents(module.program, &wanted)?;
         let needed = kernel::functions(&tangents);
         Ok(format!(
-            "enum {{ FMU_STATE = {n}, FMU_PARAMS = {n_params}, FMU_OUTPUTS = {at}, FMU_EVENTS = {n_events} }};\n\n\
+            "enum {{ FMU_STATE = {n}, FMU_PARAMS = {n_params}, FMU_OUTPUTS = {at}, FMU_EVENTS = {n_events} }};\n\
+             enum {{ FMU_FIRST_KEPT = {first_kept}, FMU_KEPT = {n_kept}, \
+                 FMU_EQUATIONS = {n_equations}, FMU_FUNCTIONS = {n_functions} }};\n\n\
              typedef {prefix}_prepared fmu_prepared;\n\n{needed}\n\
              static int fmu_prepare(const double *values, fmu_prepared *p) {{\n    {prefix}_params params;\n    \
                  {prefix}_params_from_array(values, &params);\n{prepare}}}\n\n{hold}\
              static const char *fmu_message(int code) {{\n    return {prefix}_message(code);\n}}\n\n\
+             static const char *fmu_kept_message(int k) {{\n    static const char *const messages[] = {{\n{told}    }};\n    \
+                 return messages[k];\n}}\n\n\
              static void fmu_initial(double *y) {{\n    {prefix}_initial(y);\n}}\n\n\
              static void fmu_params(double *values) {{\n    \
                  memcpy(values, {prefix}_param_defaults, {n_own} * sizeof(double));\n{input_defaults}}}\n\n\
@@ -194,6 +251,9 @@ impl Writer<'_> {
              static void fmu_rates({arguments}, double *dy) {{\n    {prefix}_rhs(p, t, y, dy);\n}}\n\n\
              static void fmu_outputs({arguments}, double *out) {{\n{outputs}}}\n\n\
              static void fmu_events({arguments}, double *out) {{\n{events}}}\n\n{rows}\
+             static double fmu_signature({arguments}) {{\n{signature}}}\n\n\
+             static void fmu_equations({arguments}, double *out) {{\n{equations}}}\n\n\
+             static void fmu_gradients({arguments}, double *out) {{\n{gradients}}}\n\n\
              static int fmu_direction(int event) {{\n{direction}}}\n\n\
              static int fmu_apply(const fmu_prepared *p, int event, double t, double *y) {{\n{apply}}}\n\n\
              /* Derivatives of rates, outputs and functions of events along a direction of all that they depend on. */\n\
@@ -204,6 +264,8 @@ impl Writer<'_> {
             n_params = module.params.len() + m,
             outputs = unread(&outputs),
             events = unread(&events),
+            equations = unread(&equations),
+            gradients = unread(&gradients),
             rows = self.rows(&call),
         ))
     }
@@ -382,9 +444,14 @@ impl Writer<'_> {
             "modelIdentifier=\"{prefix}\" canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\" \
              providesDirectionalDerivatives=\"true\" providesAdjointDerivatives=\"true\""
         );
-        // Signs of functions of events are followed from step to step.
-        let is_told = first_event < reference || module.text.ranks.is_some();
-        let told_steps = if is_told { " needsCompletedIntegratorStep=\"true\"" } else { "" };
+        // Signs of functions of events and of pivots, and the rank of equations, are followed from step to step.
+        let is_followed =
+            module.signature.is_some() || module.positions().is_some() || module.text.ranks.is_some();
+        let told_steps = if first_event < reference || is_followed {
+            " needsCompletedIntegratorStep=\"true\""
+        } else {
+            ""
+        };
         format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
              <fmiModelDescription fmiVersion=\"3.0\" modelName=\"{prefix}\" instantiationToken=\"{token}\"{doc} \
@@ -405,7 +472,7 @@ impl Writer<'_> {
 
 /// The functions of FMI for a scene with or without inputs, and rows that may become dependent.
 fn functions(has_inputs: bool, has_rows: bool) -> String {
-    let all = FUNCTIONS.replace(EVENTS_HERE, EVENTS).replace(RANKS_HERE, RANKS);
+    let all = FUNCTIONS.replace(EVENTS_HERE, EVENTS).replace(KEPT_HERE, KEPT).replace(RANKS_HERE, RANKS);
     with_or_without(WITH_ROWS, has_rows, &with_or_without(WITH_INPUTS, has_inputs, &all))
 }
 
