@@ -11,8 +11,9 @@
 #pragma GCC diagnostic ignored "-Wunused-variable"
 #endif
 
-#define FMU_TOKEN "66398f5a05133044946f41c20b807634"
+#define FMU_TOKEN "096d14814aa3a8346b7627f19aebdd64"
 enum { FMU_STATE = 2, FMU_PARAMS = 2, FMU_OUTPUTS = 5, FMU_EVENTS = 1 };
+enum { FMU_FIRST_KEPT = 0, FMU_KEPT = 0, FMU_EQUATIONS = 0, FMU_FUNCTIONS = 0 };
 
 typedef bead_prepared fmu_prepared;
 
@@ -117,6 +118,13 @@ static const char *fmu_message(int code) {
     return bead_message(code);
 }
 
+static const char *fmu_kept_message(int k) {
+    static const char *const messages[] = {
+        "",
+    };
+    return messages[k];
+}
+
 static void fmu_initial(double *y) {
     bead_initial(y);
 }
@@ -146,6 +154,19 @@ static void fmu_outputs(const fmu_prepared *p, double t, const double *y, double
 
 static void fmu_events(const fmu_prepared *p, double t, const double *y, double *out) {
     bead_events(p, t, y, out + 0);
+}
+
+static double fmu_signature(const fmu_prepared *p, double t, const double *y) {
+    (void)p, (void)t, (void)y;
+    return 0.0;
+}
+
+static void fmu_equations(const fmu_prepared *p, double t, const double *y, double *out) {
+    (void)p, (void)t, (void)y, (void)out;
+}
+
+static void fmu_gradients(const fmu_prepared *p, double t, const double *y, double *out) {
+    (void)p, (void)t, (void)y, (void)out;
 }
 
 static int fmu_direction(int event) {
