@@ -123,6 +123,11 @@ pub trait Dynamics: Send + Sync {
         None
     }
 
+    /// The same, whose rank is watched for: also where a motion is not moved onto them.
+    fn watched_positions(&self) -> Option<PositionEquations<'_>> {
+        self.positions()
+    }
+
     /// Writes their residuals, and behind them what coordinates keep.
     fn position_residuals(&self, t: f64, y: &[f64], values: &mut [f64]) {
         let _ = (t, y, values);
