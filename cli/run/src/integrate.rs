@@ -75,8 +75,8 @@ pub fn simulate_at(
     Ok(response)
 }
 
-/// Holds a motion whose derivatives are asked for to regular positions: the derivatives of a motion through a singular
-/// one are not those of the equations of motion. With derivatives behind its state a motion is not moved onto equations
+/// Holds a motion whose derivatives are asked for to regular positions: through a singular one the equations of motion
+/// do not say what these are. With derivatives behind its state a motion is not moved onto equations
 /// between coordinates, and may lead past the position on another branch.
 ///
 /// # Errors
