@@ -27,6 +27,30 @@ fn a_ball_does_not_fall_through_the_floor() {
     }
 }
 
+/// A body on the ground, which a force lifts when it is larger than the weight: of an input and of a parameter, at the
+/// start, where `hamel simulate` does not begin either, and on the way.
+#[test]
+fn a_condition_that_inputs_make_true_happens() {
+    let text = "model m { KIND F = 5; coordinate z in real; lagrangian = z_dot^2/2 - 10*z; force z_dot = F;
+        mode ground { constraint n: z = 0; event lift when lambda_n < 0 { leave ground; } }
+        initial z = 0; initial z_dot = 0; initial ground = 1; scene default { want rhs, events; SCENE } }";
+    for (kind, scene) in [("param", ""), ("input", "input F;")] {
+        let text = text.replace("KIND", kind).replace("SCENE", scene);
+        let Some(fmu) = Moved::new(&format!("lifted_{kind}"), &text, "cosimulation") else { return };
+        let force = (2 * fmu.n_states + 1).to_string();
+        let told = fmu.to(1.0, 0.25, &[]);
+        assert!(told.starts_with("reached") && numbers(&told)[1..] == [0.0, 0.0, 1.0], "{kind}: {told}");
+        let told = fmu.to(1.0, 0.25, &[&force, "16"]);
+        assert!(told.contains("condition lift holds already") && told.contains("stopped"), "{kind}: {told}");
+        // After a quarter of a second it is lifted by six.
+        let told = fmu.to(1.25, 0.25, &["--", &force, "16"]);
+        let found = numbers(&told);
+        assert!(told.starts_with("reached"), "{kind}: {told}");
+        assert!((found[1] - 3.0).abs() < 1e-9 && (found[2] - 6.0).abs() < 1e-9, "{kind}: {told}");
+        assert!(found[3] == 0.0, "{kind}: {told}");
+    }
+}
+
 /// A crank and a rod, whose other end slides on a line.
 const SLIDER: &str = "model m { param r = 0.3; param l = 0.9; coordinate theta in angle; LOOP
     coordinate phi, x in real by [r*cos(theta) + l*cos(phi) - x, r*sin(theta) + l*sin(phi)] = [0, 0];

@@ -270,6 +270,24 @@ fn a_motion_with_noise_does_not_pass_a_fold() {
     assert_eq!(n_passed(&motion("noiseless", &text, &["--t-final", "4", "--scene", "default"])), 1);
 }
 
+/// Derivatives end where the motion passes a fold, and are there before it.
+#[test]
+fn derivatives_do_not_go_on_through_a_fold() {
+    let kept = by_multipliers(PARALLELOGRAM);
+    for (form, text) in [("solved", PARALLELOGRAM), ("multipliers", &kept)] {
+        let arguments = |t_final| ["--sensitivity", "al_dot", "--t-final", t_final];
+        let (succeeds, output, message) = run("simulate", &format!("along_{form}"), text, &arguments("5"));
+        assert!(!succeeds, "{form}: {output}{message}");
+        assert!(message.contains("derivatives do not go on through such a position"), "{form}: {message}");
+        assert!(message.contains("stopped at t = 2.14159"), "{form}: {message}");
+        let output = motion(&format!("along_{form}"), text, &arguments("2"));
+        let (_, derivatives) = output.split_once("derivative of the final state").unwrap();
+        let al = derivatives.lines().find(|line| line.trim_start().starts_with("al ")).unwrap();
+        let value: f64 = al.split_whitespace().last().unwrap().parse().unwrap();
+        assert!(form == "multipliers" || (value - 2.0).abs() < 1e-8, "{form}: {output}");
+    }
+}
+
 /// Samples next to the fold and events on both sides of it, one in it, one that sets something beside it.
 #[test]
 fn samples_and_events_in_a_fold_are_not_lost() {

@@ -51,14 +51,10 @@ pub trait Dynamics: Send + Sync {
     }
 
     /// Writes the state with cosine and sine of each of these angles behind it.
-    fn on_circles(&self, y: &[f64], z: &mut [f64]) {
-        let _ = (y, z);
-    }
+    fn on_circles(&self, _y: &[f64], _z: &mut [f64]) {}
 
     /// Writes the derivative of such a state.
-    fn rhs_on_circles(&self, t: f64, z: &[f64], dz: &mut [f64]) {
-        let _ = (t, z, dz);
-    }
+    fn rhs_on_circles(&self, _t: f64, _z: &[f64], _dz: &mut [f64]) {}
 
     /// The same on four lanes, of which each has the bits of [`Dynamics::rhs_on_circles`]; one lane after the other
     /// unless the scene has been compiled for lanes.
@@ -131,15 +127,16 @@ pub trait Dynamics: Send + Sync {
         None
     }
 
-    /// Writes their residuals, and behind them what coordinates keep.
-    fn position_residuals(&self, t: f64, y: &[f64], values: &mut [f64]) {
-        let _ = (t, y, values);
+    /// The same, whose rank is watched for: also where a motion is not moved onto them.
+    fn watched_positions(&self) -> Option<PositionEquations<'_>> {
+        self.positions()
     }
 
+    /// Writes their residuals, and behind them what coordinates keep.
+    fn position_residuals(&self, _t: f64, _y: &[f64], _values: &mut [f64]) {}
+
     /// Writes the gradients of these.
-    fn position_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]) {
-        let _ = (t, y, gradients);
-    }
+    fn position_gradients(&self, _t: f64, _y: &[f64], _gradients: &mut [VecState]) {}
 
     /// Derivatives of the residuals of the constraints that a state can violate, by velocities and momenta: a row for
     /// each, with zeros for other components of the state. None where there are no such constraints.

@@ -14,6 +14,7 @@ use super::evaluate::{describe, prepare, refused, why_stopped};
 use super::events::Watcher;
 use super::info::Info;
 use super::length::method_of_long;
+use super::lost_rank::Rank;
 use super::method::{MethodName, Steps};
 use super::noise;
 use super::passing::Course;
@@ -64,6 +65,7 @@ pub fn simulate_at(
     if request.along.is_empty() {
         return motion(&dynamics, request, times, progress);
     }
+    keeps_rank(&dynamics, request, progress)?;
     let along = Along::new(factory, &request.along, request.method, "sensitivity")?;
     let initial = along.initial(&request.initial, &request.tangents);
     let extended = SimulateRequest { initial, ..request.clone() };
@@ -71,6 +73,30 @@ pub fn simulate_at(
     let mut response = motion(&prepare(&along, &request.params)?, &extended, times, progress)?;
     along.separate(&mut response);
     Ok(response)
+}
+
+/// Holds a motion whose derivatives are asked for to regular positions: through a singular one the equations of motion
+/// do not say what these are. With derivatives behind its state a motion is not moved onto equations
+/// between coordinates, and may lead past the position on another branch.
+///
+/// # Errors
+/// [`Error::Stopped`] with the state at the first singular position; as [`simulate`].
+fn keeps_rank(
+    dynamics: &PreparedScene<'_>,
+    request: &SimulateRequest,
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<(), Error> {
+    if !Rank::may_be_lost(&**dynamics, &request.initial) {
+        return Ok(());
+    }
+    let plain = SimulateRequest { along: Vec::new(), tangents: Vec::new(), samples: 0, ..request.clone() };
+    let passed = motion(dynamics, &plain, &[], progress)?.singular_positions;
+    let Some(first) = passed.first() else { return Ok(()) };
+    let until = SimulateRequest { t_final: first.t, ..plain };
+    let there = motion(dynamics, &until, &[], progress)?.last;
+    let reason = "equations between coordinates depend on each other there, and derivatives do not go on through such a \
+                  position: end before it";
+    Err(stopped_because(dynamics.info(), first.t, &there, reason.to_owned()))
 }
 
 /// The scene with its parameters, moved by its noises where it has any.

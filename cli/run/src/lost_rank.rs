@@ -115,7 +115,7 @@ impl Rank {
     pub(super) fn new(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> Option<Rank> {
         // Derivatives of equations between coordinates are among the constraints.
         let constraints = affine_constraints(dynamics, t, y);
-        let of = match dynamics.positions() {
+        let of = match dynamics.watched_positions() {
             _ if !constraints.is_empty() => Rows::Constraints(constraints),
             Some(p) if p.n_equations > 0 => Rows::Positions(p.n_equations, p.n_functions),
             _ => return None,
@@ -138,7 +138,7 @@ impl Rank {
     /// Whether a motion of a scene may lose a rank, whatever its start is.
     pub(super) fn may_be_lost(dynamics: &dyn Dynamics, y: &[f64]) -> bool {
         !dynamics.constraint_rows(0.0, y).is_empty()
-            || dynamics.positions().is_some_and(|p| p.n_equations > 0)
+            || dynamics.watched_positions().is_some_and(|p| p.n_equations > 0)
     }
 
     /// That the rank is lost on the way to a state.

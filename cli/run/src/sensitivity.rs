@@ -6,7 +6,9 @@ use hamel_program::program::SeriesRoom;
 use hamel_runtime::{Dual, Failure, Pivot, Real, System, Variational, Wiener};
 
 use super::direction::Direction;
-use super::dynamics::{BadParams, Dynamics, Factory, PreparedDuals, PreparedScene, VecState};
+use super::dynamics::{
+    BadParams, Dynamics, Factory, PositionEquations, PreparedDuals, PreparedScene, VecState,
+};
 use super::info::Info;
 use super::method::MethodName;
 use super::simulation::SimulateResponse;
@@ -168,6 +170,26 @@ impl Dynamics for PreparedAlong<'_> {
     fn invariants(&self, _t: f64, _y: &[f64], _values: &mut [f64]) {}
 
     fn invariant_gradients(&self, _t: f64, _y: &[f64], _gradients: &mut [VecState]) {}
+
+    fn watched_positions(&self) -> Option<PositionEquations<'_>> {
+        self.base.positions()
+    }
+
+    /// Derivatives behind the state do not enter the equations.
+    fn position_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]) {
+        let mut own = vec![VecState(vec![0.0; self.own(y).len()]); gradients.len()];
+        self.base.position_gradients(t, self.own(y), &mut own);
+        for (row, own) in gradients.iter_mut().zip(own) {
+            row.0.fill(0.0);
+            row.0[..own.0.len()].copy_from_slice(&own.0);
+        }
+    }
+
+    fn constraint_rows(&self, t: f64, y: &[f64]) -> Vec<VecState> {
+        let mut rows = self.base.constraint_rows(t, self.own(y));
+        rows.iter_mut().for_each(|row| row.0.resize(y.len(), 0.0));
+        rows
+    }
 
     fn flows(&self) -> Result<usize, String> {
         Err("has derivatives behind its state, which have no exact flows: choose another method".to_owned())

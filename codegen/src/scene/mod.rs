@@ -132,9 +132,9 @@ impl Scenes {
         self
     }
 
-    /// The same with what [`BuiltScene::emit_fmu`] asks of a scene besides what it wants: equations between coordinates,
-    /// where the scene carries these, to which an importer's values are held, and the rows whose rank a motion may lose,
-    /// gradients of constraints by velocities or of these equations.
+    /// The same with what [`BuiltScene::emit_fmu`] asks of a scene besides what it wants: equations between
+    /// coordinates, where the scene carries these, to which an importer's values are held, and the rows whose rank a
+    /// motion may lose, gradients of constraints by velocities or of these equations.
     pub fn for_fmus(mut self) -> Scenes {
         self.positions = true;
         self.ranks = true;

@@ -231,6 +231,11 @@ FMI3_EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
         return fail(m, fmu_kept_message(broken));
     }
     look_again(&m->data);
+    for (int k = 0; k < FMU_EVENTS; k++) {
+        if (fmu_is_condition(k) && m->data.watch[k].value < 0.0) {
+            return fail(m, fmu_holds_message(k));
+        }
+    }
     go_on(&m->data);
     m->data.mode = m->is_co_simulation ? STEP : EVENT;
     return fmi3OK;

@@ -482,6 +482,23 @@ static double first_events(Data *d, double h, const double *next, double (*slope
     return -1.0;
 }
 
+/* Carries out the conditions that inputs or parameters have made true since the last point; false where events
+   accumulate. */
+static bool follow_conditions(Data *d) {
+    double now[AT_LEAST_ONE(FMU_EVENTS)] = {0.0}, sides[AT_LEAST_ONE(FMU_EVENTS)];
+    bool due[AT_LEAST_ONE(FMU_EVENTS)] = {false}, is_due = false, accumulates = false;
+    fmu_events(&d->prepared, d->t, d->y, now);
+    for (int k = 0; k < FMU_EVENTS; k++) {
+        sides[k] = -1.0;
+        due[k] = fmu_is_condition(k) && d->watch[k].value >= 0.0 && now[k] < 0.0;
+        is_due = is_due || due[k];
+    }
+    if (is_due) {
+        carry_out(d, due, sides, &accumulates);
+    }
+    return !accumulates;
+}
+
 /* So many shorter steps have come as near to a place where equations depend on each other as says that it is there. */
 enum { MOST_PASSED = 40 };
 
@@ -489,6 +506,10 @@ enum { MOST_PASSED = 40 };
 static fmi3Status advance(Instance *m, double end) {
     Data *d = &m->data;
     double next[AT_LEAST_ONE(FMU_STATE)], slopes[2][AT_LEAST_ONE(FMU_STATE)];
+    if (!follow_conditions(d)) {
+        return fail(m, "events accumulate: one changes the state again within the rounding of time; let it end the "
+                       "motion");
+    }
     look_again(d);
     go_on(d);
     /* Until when the way of a first step was looked at with shorter ones, and how many of these were too long. */

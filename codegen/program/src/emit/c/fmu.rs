@@ -12,7 +12,7 @@ use super::dependence::{self, Inputs};
 use super::writer::Writer;
 use super::{kernel, trace};
 use crate::emit::module::OutputRoutine;
-use crate::emit::text::UnitText;
+use crate::emit::text::{EventText, UnitText};
 use crate::program::{Operand, Role};
 use hamel_expr::error::Error;
 use hamel_expr::rational_to_f64;
@@ -223,6 +223,14 @@ impl Writer<'_> {
             Some(_) => format!("    return {prefix}_signature(p, t, y);\n"),
             None => "    (void)p, (void)t, (void)y;\n    return 0.0;\n".to_owned(),
         };
+        let of_events = |text: &dyn Fn(&EventText) -> String| -> String {
+            let each: Vec<String> = module.text.events.iter().map(text).collect();
+            if each.is_empty() { "0".to_owned() } else { each.join(", ") }
+        };
+        let conditions = of_events(&|event| event.is_condition.to_string());
+        let held = of_events(&|event| {
+            format!("\"condition {} holds already, and happens where it begins to hold\"", event.name)
+        });
         let (first_kept, kept) = self.kept();
         let n_kept = kept.len();
         let told = kept.iter().map(|name| {
@@ -255,6 +263,10 @@ impl Writer<'_> {
              static void fmu_equations({arguments}, double *out) {{\n{equations}}}\n\n\
              static void fmu_gradients({arguments}, double *out) {{\n{gradients}}}\n\n\
              static int fmu_direction(int event) {{\n{direction}}}\n\n\
+             static bool fmu_is_condition(int event) {{\n    static const bool is_condition[] = {{{conditions}}};\n    \
+                 return is_condition[event];\n}}\n\n\
+             static const char *fmu_holds_message(int event) {{\n    static const char *const messages[] = {{{held}}};\n    \
+                 return messages[event];\n}}\n\n\
              static int fmu_apply(const fmu_prepared *p, int event, double t, double *y) {{\n{apply}}}\n\n\
              /* Derivatives of rates, outputs and functions of events along a direction of all that they depend on. */\n\
              static void fmu_tangent(const double *params, const double *dparams, double t, double dt, const double *y,\n                        \
