@@ -11,7 +11,7 @@
 #pragma GCC diagnostic ignored "-Wunused-variable"
 #endif
 
-#define FMU_TOKEN "096d14814aa3a8346b7627f19aebdd64"
+#define FMU_TOKEN "c639882bcf9348325b682187c4d403e2"
 enum { FMU_STATE = 2, FMU_PARAMS = 2, FMU_OUTPUTS = 5, FMU_EVENTS = 1 };
 enum { FMU_FIRST_KEPT = 0, FMU_KEPT = 0, FMU_EQUATIONS = 0, FMU_FUNCTIONS = 0 };
 
@@ -171,6 +171,16 @@ static void fmu_gradients(const fmu_prepared *p, double t, const double *y, doub
 
 static int fmu_direction(int event) {
     return bead_event_directions[event];
+}
+
+static bool fmu_is_condition(int event) {
+    static const bool is_condition[] = {false};
+    return is_condition[event];
+}
+
+static const char *fmu_holds_message(int event) {
+    static const char *const messages[] = {"condition stop holds already, and happens where it begins to hold"};
+    return messages[event];
 }
 
 static int fmu_apply(const fmu_prepared *p, int event, double t, double *y) {
