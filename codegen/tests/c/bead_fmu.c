@@ -11,8 +11,9 @@
 #pragma GCC diagnostic ignored "-Wunused-variable"
 #endif
 
-#define FMU_TOKEN "66398f5a05133044946f41c20b807634"
+#define FMU_TOKEN "c639882bcf9348325b682187c4d403e2"
 enum { FMU_STATE = 2, FMU_PARAMS = 2, FMU_OUTPUTS = 5, FMU_EVENTS = 1 };
+enum { FMU_FIRST_KEPT = 0, FMU_KEPT = 0, FMU_EQUATIONS = 0, FMU_FUNCTIONS = 0 };
 
 typedef bead_prepared fmu_prepared;
 
@@ -117,6 +118,13 @@ static const char *fmu_message(int code) {
     return bead_message(code);
 }
 
+static const char *fmu_kept_message(int k) {
+    static const char *const messages[] = {
+        "",
+    };
+    return messages[k];
+}
+
 static void fmu_initial(double *y) {
     bead_initial(y);
 }
@@ -148,8 +156,31 @@ static void fmu_events(const fmu_prepared *p, double t, const double *y, double 
     bead_events(p, t, y, out + 0);
 }
 
+static double fmu_signature(const fmu_prepared *p, double t, const double *y) {
+    (void)p, (void)t, (void)y;
+    return 0.0;
+}
+
+static void fmu_equations(const fmu_prepared *p, double t, const double *y, double *out) {
+    (void)p, (void)t, (void)y, (void)out;
+}
+
+static void fmu_gradients(const fmu_prepared *p, double t, const double *y, double *out) {
+    (void)p, (void)t, (void)y, (void)out;
+}
+
 static int fmu_direction(int event) {
     return bead_event_directions[event];
+}
+
+static bool fmu_is_condition(int event) {
+    static const bool is_condition[] = {false};
+    return is_condition[event];
+}
+
+static const char *fmu_holds_message(int event) {
+    static const char *const messages[] = {"condition stop holds already, and happens where it begins to hold"};
+    return messages[event];
 }
 
 static int fmu_apply(const fmu_prepared *p, int event, double t, double *y) {
