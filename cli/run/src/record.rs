@@ -73,7 +73,8 @@ impl<'a> Record<'a> {
             scale,
             deviation: 0.0,
             constraint,
-            rank: Rank::new(dynamics, 0.0, y),
+            // With derivatives behind the state the motion without them was held to its rank.
+            rank: request.along.is_empty().then(|| Rank::new(dynamics, 0.0, y)).flatten(),
             lost_at: None,
             near_at: None,
             looks: true,
