@@ -36,7 +36,8 @@ fn a_condition_that_inputs_make_true_happens() {
         initial z = 0; initial z_dot = 0; initial ground = 1; scene default { want rhs, events; SCENE } }";
     for (kind, scene) in [("param", ""), ("input", "input F;")] {
         let text = text.replace("KIND", kind).replace("SCENE", scene);
-        let Some(fmu) = Moved::new(&format!("lifted_{kind}"), &text, "cosimulation") else { return };
+        let name = format!("lifted_{kind}");
+        let Some(fmu) = Moved::new(&name, &text, scene::DEFAULT, By::Itself) else { return };
         let force = (2 * fmu.n_states + 1).to_string();
         let told = fmu.to(1.0, 0.25, &[]);
         assert!(told.starts_with("reached") && numbers(&told)[1..] == [0.0, 0.0, 1.0], "{kind}: {told}");

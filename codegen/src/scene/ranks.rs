@@ -99,5 +99,5 @@ fn layout_of(
         entries.iter().any(|e| needs_by(g, &sections, *e, &symbol))
     };
     let moving: Vec<usize> = (0..state.len()).filter(depends).collect();
-    (!moving.is_empty()).then(|| RankLayout { matrix: found.gradients.name, rows, moving })
+    (!moving.is_empty()).then_some(RankLayout { matrix: found.gradients.name, rows, moving })
 }
