@@ -20,8 +20,8 @@ use hamel_run::temporary::Temporary;
 ///
 /// # Errors
 /// [`Error::Request`] for scenes that are no FMU, without a C compiler, where it refuses the sources, on a platform
-/// without a name here, for a file that is there and no FMU, and for a name that does not end in .fmu; [`Error::Io`]. On
-/// an error nothing has been written.
+/// without a name here, for a file that is there and no FMU, and for a name that does not end in .fmu; [`Error::Io`].
+/// On an error nothing has been written.
 pub fn write(path: &Path, by_force: bool, model: &Model, scene: &BuiltScene) -> Result<(), Error> {
     let file = open(path, by_force)?;
     let (_, bytes) = archive(model, scene)?;
