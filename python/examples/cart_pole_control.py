@@ -16,7 +16,7 @@ import pyhamel
 
 model = pyhamel.load(Path(__file__).with_name("cart_pole.hamel"))
 upright = model.linearize({"theta": 0.0}, outputs=["x", "theta"])
-assert upright.eigenvalues()[0].real > 4.0  # it falls
+assert upright.eigenvalues[0].real > 4.0  # it falls
 
 system = upright.to_control()
 gain, _, poles = control.lqr(system, np.diag([10.0, 10.0, 1.0, 1.0]), np.eye(1))

@@ -61,7 +61,7 @@ def of_linearization(linear: Linearization) -> str:
             lines = [_row([title, *map(_code, columns)], "th")]
             lines += [_row([_code(name), *(f"{x:.6g}" for x in numbers)]) for name, numbers in zip(rows, matrix)]
             text += _table(lines)
-    eigenvalues = ", ".join(f"{z.real:.6g}" if z.imag == 0 else f"{z:.6g}" for z in linear.eigenvalues())
+    eigenvalues = ", ".join(f"{z.real:.6g}" if z.imag == 0 else f"{z:.6g}" for z in linear.eigenvalues)
     return f"{text}<p>Eigenvalues of A: {eigenvalues}</p>"
 
 

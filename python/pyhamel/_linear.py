@@ -55,14 +55,11 @@ class Linearization:
         self.C: Array = _matrix(found["C"], k, n)
         #: Derivatives ``dh_i/du_j`` of the outputs by the inputs, ``(k, m)``.
         self.D: Array = _matrix(found["D"], k, m)
-        self._eigenvalues = np.array([complex(*z) for z in found["eigenvalues"]], dtype=np.complex128)
-
-    def eigenvalues(self) -> NDArray[np.complex128]:
-        """Eigenvalues of ``A``, ``(n,)``, the largest real part first.
-
-        Symmetries and invariants give eigenvalues zero; :meth:`Model.trim` has those of the reduced space.
-        """
-        return self._eigenvalues.copy()
+        #: Eigenvalues of ``A``, ``(n,)``, the largest real part first. Symmetries and invariants give eigenvalues zero;
+        #: :meth:`Model.trim` has those of the reduced space.
+        self.eigenvalues: NDArray[np.complex128] = np.array(
+            [complex(*z) for z in found["eigenvalues"]], dtype=np.complex128
+        )
 
     def to_control(self) -> Any:
         """The system as a ``StateSpace`` of python-control, with the names of state, inputs and outputs.
@@ -102,7 +99,7 @@ class Linearization:
 
     def __repr__(self) -> str:
         sizes = f"{len(self.state)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
-        largest = max(self._eigenvalues.real, default=0.0)
+        largest = max(self.eigenvalues.real, default=0.0)
         return f"<pyhamel.Linearization of {self.model.name}: {sizes}, largest real part {largest:.6g}>"
 
 

@@ -105,7 +105,7 @@ def test_bits_are_those_of_the_command():
         np.testing.assert_array_equal(getattr(linear, name), np.reshape(command[name], getattr(linear, name).shape))
     assert (list(linear.state), list(linear.inputs), list(linear.outputs)) == tuple(command[k] for k in ("state", "inputs", "outputs"))
     assert dict(zip(linear.state, linear.y)) == command["at"] and dict(zip(linear.inputs, linear.u)) == command["hold"]
-    assert [[z.real, z.imag] for z in linear.eigenvalues()] == command["eigenvalues"]
+    assert [[z.real, z.imag] for z in linear.eigenvalues] == command["eigenvalues"]
     assert linear.start == command.get("start")
 
 
@@ -117,13 +117,13 @@ def riccati(a, b, q, r):
 def test_a_regulator_balances_a_pendulum():
     model = pyhamel.load(CART)
     upright = model.linearize({"theta": 0.0})
-    assert upright.inputs == ("push",) and upright.eigenvalues()[0].real == pytest.approx(np.sqrt(9.81 / 0.5 * 1.1), rel=1e-12)
+    assert upright.inputs == ("push",) and upright.eigenvalues[0].real == pytest.approx(np.sqrt(9.81 / 0.5 * 1.1), rel=1e-12)
     gain = riccati(upright.A, upright.B, np.diag([10.0, 10.0, 1.0, 1.0]), np.eye(1))
     push = " ".join(f"- ({k!r})*{name}" for k, name in zip(gain[0].tolist(), upright.state))
     closed = model.linearize({"theta": 0.0}, inputs={"push": push})
     # The loop is closed in the linear system as it is in the motion.
     np.testing.assert_allclose(closed.A, upright.A - upright.B @ gain, rtol=0, atol=1e-12)
-    assert closed.inputs == () and closed.eigenvalues().real.max() < -1.0
+    assert closed.inputs == () and closed.eigenvalues.real.max() < -1.0
     assert np.abs(model.simulate(12.0, {"theta": 0.5}, inputs={"push": push}).y_end).max() < 1e-5
     assert np.abs(model.simulate(2.0, {"theta": 0.5}).y[:, 1]).max() > 2.0
 
@@ -152,8 +152,8 @@ def test_eigenvalues_are_found_where_blocks_are_next_to_zeros():
     windows = pyhamel.load(ROOT / "docs/book/four_bar_windows.hamel").linearize()
     # Equations between places leave zeros twice, of which half of the digits are known.
     expected = np.sort_complex(np.linalg.eigvals(windows.A))
-    np.testing.assert_allclose(np.sort(windows.eigenvalues().real), expected.real, rtol=0, atol=1e-6)
-    assert windows.eigenvalues()[0].real > 3.0
+    np.testing.assert_allclose(np.sort(windows.eigenvalues.real), expected.real, rtol=0, atol=1e-6)
+    assert windows.eigenvalues[0].real > 3.0
 
 
 def test_outputs_are_chosen_by_name():
@@ -205,7 +205,7 @@ def test_python_control_has_the_same_system(monkeypatch):
     pytest.importorskip("control")
     system = linear.to_control()
     assert (system.state_labels, system.input_labels, system.output_labels) == (list(linear.state), ["push"], ["theta", "tip1"])
-    np.testing.assert_allclose(sorted(system.poles().real), sorted(linear.eigenvalues().real), atol=1e-9)
+    np.testing.assert_allclose(sorted(system.poles().real), sorted(linear.eigenvalues.real), atol=1e-9)
     np.testing.assert_array_equal(system.D, linear.D)
     with pytest.raises(pyhamel.InputError, match="takes no inputs"):
         pyhamel.load("heavy_top").linearize().to_control()
