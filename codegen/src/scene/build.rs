@@ -417,7 +417,7 @@ pub(super) fn lower_scene(
         matrices.push(found.gradients);
         own_sections.extend(found.sections);
     }
-    let mut layout = None;
+    let (mut layout, mut ranks) = (None, None);
     if plan.positions != Share::None {
         let found = positions::find(&mut graph, &equations, &state);
         graph.within_budget()?;
@@ -425,6 +425,9 @@ pub(super) fn lower_scene(
             Err(Error::NoPositions { .. }) if plan.positions == Share::Possible => {}
             found => {
                 let (found, how) = found?;
+                if plan.ranks {
+                    ranks = ranks::of_positions(&graph, &equations, &state, &found, how.n_equations);
+                }
                 outputs.extend(found.outputs);
                 matrices.push(found.gradients);
                 own_sections.extend(found.sections);
@@ -432,19 +435,16 @@ pub(super) fn lower_scene(
             }
         }
     }
-    let mut ranks = None;
     if plan.ranks {
-        let found = ranks::find(&mut graph, &equations, &state);
+        let found = ranks::of_constraints(&mut graph, &equations, &state);
         graph.within_budget()?;
-        if let Some((found, rows, how)) = found {
+        if let Some((found, rows)) = found {
+            // The scene may want the residuals.
             let is_there = |o: &Output| outputs.iter().any(|other| other.name == o.name);
             let further: Vec<Output> = found.outputs.into_iter().filter(|o| !is_there(o)).collect();
             outputs.extend(further);
-            if !matrices.iter().any(|matrix| matrix.name == rows.matrix) {
-                matrices.push(found.gradients);
-            }
+            matrices.push(found.gradients);
             own_sections.extend(found.sections);
-            layout = layout.or(how);
             ranks = Some(rows);
         }
     }

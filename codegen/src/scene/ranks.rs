@@ -7,7 +7,6 @@ use std::collections::BTreeSet;
 
 use super::dependence::{left_out, needs_by};
 use super::gradients::{WithGradients, Words, with_gradients};
-use super::positions::{self, PositionLayout};
 use hamel_expr::{ExprId, Graph, SymbolId};
 use hamel_lang::spec::Want;
 use hamel_mechanics::mechanics::{Equations, OutputKind, StateEquation};
@@ -26,27 +25,22 @@ pub(super) struct RankLayout {
     pub(super) moving: Vec<usize>,
 }
 
-/// The matrix with the rows that may become dependent along a motion, with functions of which they are gradients.
-/// There are no such rows where the equations divide by nothing that may vanish, or no row changes.
-pub(super) fn find(
-    g: &mut Graph,
+/// The rows of the first `n_equations` gradients that were found, of equations between coordinates. None where the
+/// equations of motion divide by nothing that may vanish, or no row changes.
+pub(super) fn of_positions(
+    g: &Graph,
     equations: &Equations,
     state: &[StateEquation],
-) -> Option<(WithGradients, RankLayout, Option<PositionLayout>)> {
-    if equations.pivots.is_empty() {
-        return None;
-    }
-    if let Some(found) = of_constraints(g, equations, state) {
-        return Some((found.0, found.1, None));
-    }
-    let (found, layout) = positions::find(g, equations, state).ok()?;
-    let rows = (0..layout.n_equations).collect();
-    let watched = layout_of(g, equations, state, &found, rows)?;
-    Some((found, watched, Some(layout)))
+    found: &WithGradients,
+    n_equations: usize,
+) -> Option<RankLayout> {
+    layout_of(g, equations, state, found, (0..n_equations).collect())
 }
 
-/// Of the constraints that are affine in velocities: of others a row turns with these.
-fn of_constraints(
+/// The gradients of residuals by velocities, `d(residual_i)/dv_j`, and the rows of constraints that are affine in
+/// these: of others a row turns with the velocities. None as for [`of_positions`], and where the state violates no
+/// constraint.
+pub(super) fn of_constraints(
     g: &mut Graph,
     equations: &Equations,
     state: &[StateEquation],
@@ -83,7 +77,7 @@ fn velocities(equations: &Equations) -> BTreeSet<SymbolId> {
     system.unknowns.iter().map(|unknown| unknown.symbol).chain(momenta).collect()
 }
 
-/// The layout of rows that are not all constant.
+/// The layout of rows that are not all constant, where something that is divided by may vanish.
 fn layout_of(
     g: &Graph,
     equations: &Equations,
@@ -91,6 +85,9 @@ fn layout_of(
     found: &WithGradients,
     rows: Vec<usize>,
 ) -> Option<RankLayout> {
+    if equations.pivots.is_empty() {
+        return None;
+    }
     let sections = [equations.sections.as_slice(), &found.sections].concat();
     let entries = found.gradients.pattern.iter().zip(&found.outputs[1].components);
     let entries: Vec<ExprId> = entries.filter(|((i, _), _)| rows.contains(i)).map(|(_, (_, e))| *e).collect();

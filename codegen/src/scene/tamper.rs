@@ -23,7 +23,7 @@ pub enum Made<'a> {
     Program(&'a mut Program),
 }
 
-/// Builds a scene as [`build`](super::build) does, with the rows whose rank it may lose, and calls `fault` with what
+/// Builds a scene as [`build`](super::build) does, with what an FMU asks of it, and calls `fault` with what
 /// every step has made.
 ///
 /// # Errors

@@ -43,11 +43,12 @@ impl Derivation<'_> {
         let m = self.y.len();
         let names = self.names.clone();
         let (rows, reactions) = (&self.rows_on_state(rows)?, &self.forms_on_state(reactions)?);
-        let Inertia { factors, matrix: hessian, drive, conditions } = self.inertia(rows)?;
-        self.writer.begin("free acceleration L_yy^-1 r");
+        let Inertia { factors, matrix: mass, drive, conditions } = self.inertia(rows)?;
+        let inertia = if conditions.is_some() { "K" } else { "L_yy" };
+        self.writer.begin(&format!("free acceleration {inertia}^-1 r"));
         let prefixed = |prefix: &str| names.iter().map(|n| format!("{prefix}_{n}")).collect::<Vec<_>>();
         let free = factors.solve(&mut self.g, &mut self.writer, &prefixed("free"), &drive);
-        self.writer.begin("response to the multipliers L_yy^-1 Lambda^T");
+        self.writer.begin(&format!("response to the multipliers {inertia}^-1 Lambda^T"));
         let mut response = Vec::new();
         for (c, form) in reactions.iter().enumerate() {
             let labels = prefixed(&format!("Z{}", c + 1));
@@ -67,7 +68,8 @@ impl Derivation<'_> {
             let reactions = reactions.clone();
             return self.motion_with_force(&factors, (&free, column), reactions, (force, pivot));
         }
-        self.writer.begin("multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T");
+        let title = format!("multipliers S lambda = -(w {inertia}^-1 r + w0), S = w {inertia}^-1 Lambda^T");
+        self.writer.begin(&title);
         let mut matrix = Vec::new();
         let mut right = Vec::new();
         let mut is_congruent = true;
@@ -102,7 +104,7 @@ impl Derivation<'_> {
             rows.iter().map(|r| format!("response to constraint {}", r.text)).collect();
         let (lambda, constraint_pivots) =
             self.solve_for_multipliers(&matrix, &right, &labels, (&pivot_names, is_congruent))?;
-        self.writer.begin("accelerations ydot = L_yy^-1 (r + Lambda^T lambda)");
+        self.writer.begin(&format!("accelerations ydot = {inertia}^-1 (r + Lambda^T lambda)"));
         let mut acceleration = Vec::new();
         for alpha in 0..m {
             let mut terms = vec![free[alpha]];
@@ -119,8 +121,8 @@ impl Derivation<'_> {
         let own = (self.hessian.clone(), self.forces.drive.clone());
         let balance = (self.transform.is_none()).then(|| {
             let solution = [acceleration.as_slice(), &lambda];
-            let balance = self.balance_with_multipliers((&hessian, &drive), (kept, &offsets), solution);
-            // Accelerations take the forces of the bodies alone.
+            let balance = self.balance_with_multipliers((&mass, &drive), (kept, &offsets), solution);
+            // The forces that accelerations take do not contain the inertia of constraints.
             let given: Vec<ExprId> =
                 balance.accelerations.iter().take(m).map(|(symbol, _)| self.g.sym(*symbol)).collect();
             let forces = own.0.iter().zip(&own.1).map(|(row, force)| {
@@ -143,7 +145,7 @@ impl Derivation<'_> {
     }
 
     /// The inertia `L_yy` and the forces `r` that accelerations are solved for by. Where some velocities have no
-    /// inertia, `L_yy + w^T w` and `r - w^T w0` have the same solutions, as `w ydot + w0 = 0`; they have one where
+    /// inertia, `K = L_yy + w^T w` and `r - w^T w0` have the same solutions, as `w ydot + w0 = 0`; they have one where
     /// every velocity that the constraints allow has inertia.
     ///
     /// # Errors
@@ -165,7 +167,7 @@ impl Derivation<'_> {
         if !(holds_always && matches!(error, Error::SingularMassMatrix { .. })) {
             return Err(error);
         }
-        self.writer.begin("inertia with that of the constraints: L_yy + w^T w, r - w^T w0");
+        self.writer.begin("inertia with that of the constraints: K = L_yy + w^T w, r - w^T w0");
         let mut conditions = Vec::with_capacity(rows.len());
         for row in rows {
             let (form, rate) = self.condition(row)?;
@@ -186,7 +188,7 @@ impl Derivation<'_> {
             }
             *force = self.define(&format!("r_{}", i + 1), *force);
         }
-        self.writer.begin("factors of it");
+        self.writer.begin("factors of K");
         let factors = self.factors_of("K", &matrix)?;
         Ok(Inertia { factors, matrix, drive, conditions: Some(conditions) })
     }

@@ -62,7 +62,7 @@ typedef struct {
     bool is_stale;
     fmu_prepared prepared;
     Watch watch[AT_LEAST_ONE(FMU_EVENTS)];
-    /* The last point from which the motion goes on, where it is followed: see fmi3_kept.c. */
+    /* The point from which the next step is followed: see fmi3_ranks.c. */
     double t_before;
     double y_before[AT_LEAST_ONE(FMU_STATE)];
     /* When an event has last changed the state. */

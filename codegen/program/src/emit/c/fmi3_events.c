@@ -499,7 +499,7 @@ static bool follow_conditions(Data *d) {
     return !accumulates;
 }
 
-/* So many shorter steps have come as near to a place where equations depend on each other as says that it is there. */
+/* After so many steps, each shortened before a place where equations depend on each other, the motion ends. */
 enum { MOST_PASSED = 40 };
 
 /* Moves on to a time, or to the end of the motion. */
@@ -512,7 +512,7 @@ static fmi3Status advance(Instance *m, double end) {
     }
     look_again(d);
     go_on(d);
-    /* Until when the way of a first step was looked at with shorter ones, and how many of these were too long. */
+    /* The end of the first step that led over such a place, and how many shorter ones have done so since. */
     double until = d->t;
     int n_passed = 0;
     /* Nobody lives to see the end of what happens more often. */
