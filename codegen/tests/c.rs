@@ -33,7 +33,7 @@ fn bead() -> Model {
 fn the_texts_are_those_that_were_looked_at() {
     let model = bead();
     let built = Scenes::new(&model)
-        .with_derivatives(Language::Casadi.derivatives())
+        .for_language(Language::Casadi)
         .build(scene::DEFAULT)
         .unwrap_or_else(|e| panic!("{e}"));
     let command = Some("UPDATE_EXPECT=1 cargo test -p hamel-codegen --test main c::".to_owned());

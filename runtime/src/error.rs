@@ -22,6 +22,12 @@ pub enum Failure {
         /// The pivot, in the words of the model.
         pivot: &'static str,
     },
+    /// Constraints that the motion keeps independent depend on each other on the way between two states: it may go on in
+    /// more than one way there.
+    RankLost {
+        /// Time of the state after it, which is not accepted.
+        t: f64,
+    },
     /// A pivot is infinite or NaN: a division by it would give zeros that look like accelerations.
     PivotNotFinite {
         /// Time of the evaluation.
@@ -57,6 +63,10 @@ impl fmt::Display for Failure {
                     "pivot {pivot} passes through zero before t = {t}: the equations are singular there"
                 )
             }
+            Self::RankLost { t } => write!(
+                f,
+                "constraints depend on each other before t = {t}: the motion may go on in more than one way there"
+            ),
             Self::PivotNotFinite { t, pivot } => {
                 write!(
                     f,

@@ -74,7 +74,7 @@ macro_rules! numbers {
 }
 
 /// `System` of a generated structure with a state of that length, by its methods `rhs` and those that are named:
-/// `pivots` with `check`, `signature`, `domain`.
+/// `pivots` with `check`, `signature`, `domain`; `ranks` stands for its `IndependentRows`.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! system {
@@ -103,6 +103,11 @@ macro_rules! system {
         #[inline]
         fn signature(&self, t: R, y: &[R; $n]) -> R {
             self.signature(t, y)
+        }
+    };
+    (@ranks [$n:literal]) => {
+        fn keeps_rank(&self, from: (R, &[R; $n]), to: (R, &[R; $n])) -> bool {
+            $crate::keeps_rank(self, from, to)
         }
     };
     (@domain [$n:literal]) => {

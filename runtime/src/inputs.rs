@@ -215,6 +215,11 @@ impl<R: Real, T: Controlled<R, M> + Clone, G: Signal<R, T::State, M>, const M: u
         self.at(t, y).signature(t, y)
     }
 
+    #[inline]
+    fn keeps_rank(&self, from: (R, &Self::State), to: (R, &Self::State)) -> bool {
+        self.at(from.0, from.1).keeps_rank(from, to)
+    }
+
     fn pivots(&self, t: R, y: &Self::State, visit: &mut dyn FnMut(Pivot<R>)) {
         self.at(t, y).pivots(t, y, visit);
     }

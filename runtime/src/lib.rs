@@ -105,6 +105,7 @@ mod options;
 mod polynomial;
 mod positions;
 mod products;
+mod ranks;
 mod real;
 mod stumpff;
 mod system;
@@ -144,6 +145,7 @@ pub use options::{Norm, Options, StepSize};
 pub use polynomial::Polynomial;
 pub use positions::{Positions, consistent, consistent_by};
 pub use products::Products;
+pub use ranks::{IndependentRows, keeps_rank};
 pub use real::Real;
 pub use system::{
     Circles, Differentiable, OutputInfo, OverScalar, ParamInfo, Pivot, Scene, SceneInfo, SquareStorage,

@@ -139,6 +139,11 @@ impl<R: Real + Scalar, S: System<R, State = [R; N]>, const N: usize> System<R> f
     }
 
     #[inline]
+    fn keeps_rank(&self, (t0, from): (R, &Self::State), (t1, to): (R, &Self::State)) -> bool {
+        self.system.keeps_rank((t0, array(from)), (t1, array(to)))
+    }
+
+    #[inline]
     fn pivots(&self, t: R, y: &Self::State, visit: &mut dyn FnMut(Pivot<R>)) {
         self.system.pivots(t, array(y), visit);
     }

@@ -193,6 +193,20 @@ pub trait System<R: Real> {
         R::ZERO
     }
 
+    /// Whether constraints that a motion keeps independent stay so on the way from one state, with its time, to another
+    /// one: where they lose their rank, the motion may go on in more than one way.
+    ///
+    /// The integrators ask at every state that they would accept, from the one before, so that it is to be cheap. A step
+    /// over such a place is tried again shorter, or ends the integration with fixed steps. [`keeps_rank`] answers for
+    /// systems whose rows are known.
+    ///
+    /// [`keeps_rank`]: crate::keeps_rank
+    #[inline]
+    fn keeps_rank(&self, from: (R, &Self::State), to: (R, &Self::State)) -> bool {
+        let _ = (from, to);
+        true
+    }
+
     /// Calls `visit` with everything that the right-hand side divides by and that may vanish or overflow, in a fixed
     /// order.
     ///
@@ -223,6 +237,11 @@ impl<R: Real, S: System<R> + ?Sized> System<R> for &S {
     #[inline]
     fn signature(&self, t: R, y: &Self::State) -> R {
         (**self).signature(t, y)
+    }
+
+    #[inline]
+    fn keeps_rank(&self, from: (R, &Self::State), to: (R, &Self::State)) -> bool {
+        (**self).keeps_rank(from, to)
     }
 
     #[inline]

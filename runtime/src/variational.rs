@@ -138,6 +138,11 @@ impl<R: Real, T: System<Dual<R>>, V: StateVector<R>> System<R> for Variational<'
         self.systems[0].signature(Dual::constant(t), &self.dual(z, 0)).value
     }
 
+    fn keeps_rank(&self, from: (R, &V), to: (R, &V)) -> bool {
+        let [(t0, from), (t1, to)] = [from, to].map(|(t, z)| (Dual::constant(t), self.dual(z, 0)));
+        self.systems[0].keeps_rank((t0, &from), (t1, &to))
+    }
+
     fn pivots(&self, t: R, z: &V, visit: &mut dyn FnMut(Pivot<R>)) {
         self.systems[0].pivots(Dual::constant(t), &self.dual(z, 0), &mut |Pivot { name, value, scale }| {
             visit(Pivot { name, value: value.value, scale: scale.value });

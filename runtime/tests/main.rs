@@ -16,6 +16,7 @@ mod lanes;
 mod on_circles;
 mod on_vectors;
 mod pivots;
+mod ranks;
 mod scale;
 mod structure;
 mod variational;

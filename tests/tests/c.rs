@@ -311,7 +311,7 @@ fn an_fmu_casadi_and_cpp_take_inputs() {
         scene controlled { input u, w; want energy, outputs; }
     }";
     let model = hamel_codegen::spec::parse("pushed", text).unwrap_or_else(|e| panic!("{e}"));
-    let mut scenes = scene::Scenes::new(&model).with_derivatives(Language::Casadi.derivatives());
+    let mut scenes = scene::Scenes::new(&model).for_language(Language::Casadi);
     let built = scenes.build("controlled").unwrap_or_else(|e| panic!("{e}"));
     let (c, fmu) =
         built.emit_fmu(&Writing::default(), initial_state(&model, &built)).unwrap_or_else(|e| panic!("{e}"));

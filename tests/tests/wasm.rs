@@ -268,7 +268,7 @@ fn scenes_in_webassembly_have_the_bits_of_the_interpreter() {
         for (name, text) in &bundle.files {
             std::fs::write(folder.join(name), text).expect("a file for tests");
         }
-        let mut scenes = Scenes::new(model).with_positions(Language::Wasm.positions());
+        let mut scenes = Scenes::new(model).for_language(Language::Wasm);
         let built = scenes.build_all(&[scene.to_owned()]).unwrap_or_else(|e| panic!("{e}"));
         cases.push(case(model, &built[0]));
     }

@@ -464,8 +464,7 @@ impl Config {
         let cache = cache.filter(|_| self.writing.language == Language::Rust);
         let kept = cache.and_then(|cache| cache.of(model, &self.writing, &self.budget.unwrap_or_default()));
         let language = self.writing.language;
-        let mut scenes =
-            Scenes::new(model).with_derivatives(language.derivatives()).with_positions(language.positions());
+        let mut scenes = Scenes::new(model).for_language(language);
         let names = match (self.scenes.get(&model.name), &kept) {
             (Some(chosen), _) => chosen.clone(),
             (None, None) => scenes.names(),

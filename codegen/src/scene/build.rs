@@ -417,17 +417,15 @@ pub(super) fn lower_scene(
         matrices.push(found.gradients);
         own_sections.extend(found.sections);
     }
-    let (mut layout, mut ranks) = (None, None);
-    if plan.positions != Share::None {
+    let ranks = if plan.ranks { ranks::find(&mut graph, &equations, &state)? } else { None };
+    let mut layout = None;
+    if plan.positions != Share::None || ranks.as_ref().is_some_and(|found| found.constraints.is_none()) {
         let found = positions::find(&mut graph, &equations, &state);
         graph.within_budget()?;
         match found {
-            Err(Error::NoPositions { .. }) if plan.positions == Share::Possible => {}
+            Err(Error::NoPositions { .. }) if plan.positions != Share::Wanted => {}
             found => {
                 let (found, how) = found?;
-                if plan.ranks {
-                    ranks = ranks::of_positions(&graph, &equations, &state, &found, how.n_equations);
-                }
                 outputs.extend(found.outputs);
                 matrices.push(found.gradients);
                 own_sections.extend(found.sections);
@@ -435,19 +433,17 @@ pub(super) fn lower_scene(
             }
         }
     }
-    if plan.ranks {
-        let found = ranks::of_constraints(&mut graph, &equations, &state);
-        graph.within_budget()?;
-        if let Some((found, rows)) = found {
+    let ranks = ranks.map(|found| {
+        if let Some(found) = found.constraints {
             // The scene may want the residuals.
             let is_there = |o: &Output| outputs.iter().any(|other| other.name == o.name);
             let further: Vec<Output> = found.outputs.into_iter().filter(|o| !is_there(o)).collect();
             outputs.extend(further);
             matrices.push(found.gradients);
             own_sections.extend(found.sections);
-            ranks = Some(rows);
         }
-    }
+        found.layout
+    });
     if plan.phases {
         outputs.push(bundle::phases_of(&mut graph, &equations, &state)?);
     }

@@ -120,21 +120,18 @@ impl Scenes {
         }
     }
 
-    /// The same with derivatives of the right-hand side in every scene, besides those that it wants.
-    pub fn with_derivatives(mut self, derivatives: &[Derivative]) -> Scenes {
-        self.derivatives = derivatives.to_vec();
-        self
-    }
-
-    /// The same with the equations between coordinates, where a scene carries these, besides what it wants.
-    pub fn with_positions(mut self, positions: bool) -> Scenes {
-        self.positions = positions;
+    /// The same with what every scene has in a language besides what it wants: derivatives of the right-hand side,
+    /// equations between coordinates, the rows whose rank a motion may lose.
+    pub fn for_language(mut self, language: Language) -> Scenes {
+        self.derivatives = language.derivatives().to_vec();
+        self.positions = language.positions();
+        self.ranks = language.ranks();
         self
     }
 
     /// The same with what [`BuiltScene::emit_fmu`] asks of a scene besides what it wants: equations between
     /// coordinates, where the scene carries these, to which an importer's values are held, and the rows whose rank a
-    /// motion may lose, gradients of constraints by velocities or of these equations.
+    /// motion may lose.
     pub fn for_fmus(mut self) -> Scenes {
         self.positions = true;
         self.ranks = true;

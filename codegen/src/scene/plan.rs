@@ -158,7 +158,6 @@ impl Plan {
         let has_outputs = !matches!(outputs, Outputs::Named(wanted) if wanted.is_empty());
         let wants = [
             *invariants,
-            *ranks,
             *phases,
             connection.is_some(),
             *dirac,
@@ -171,11 +170,13 @@ impl Plan {
         ];
         let has_sets = !derivatives.is_empty() || !dynamics.is_empty() || !of_frames.is_empty();
         let is_plain = !(has_sets || *positions != Share::None || wants.contains(&true));
-        let extent = if has_outputs || *energy || !is_plain { Extent::Whole } else { Extent::Rates };
+        let extent =
+            if has_outputs || *energy || *ranks || !is_plain { Extent::Whole } else { Extent::Rates };
         (Asked { formulation: formulation.clone(), extent }, is_plain)
     }
 
-    /// Whether the scene wants nothing but functions that its equations have.
+    /// Whether the scene wants nothing but functions that its equations have, apart from rows whose rank a motion may
+    /// lose, which few have.
     pub(super) fn is_plain(&self) -> bool {
         self.asked_and_plain().1
     }

@@ -3,13 +3,15 @@
 //!
 //! Deliberately does not know: how a loss of rank is noticed, who asks.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::dependence::{left_out, needs_by};
 use super::gradients::{WithGradients, Words, with_gradients};
-use hamel_expr::{ExprId, Graph, SymbolId};
+use super::positions;
+use hamel_expr::error::Error;
+use hamel_expr::{ExprId, Graph, SymbolId, needed_sections};
 use hamel_lang::spec::Want;
-use hamel_mechanics::mechanics::{Equations, OutputKind, StateEquation};
+use hamel_mechanics::mechanics::{Equations, OutputKind, StateEquation, rates};
 
 /// Name of the matrix of the derivatives of the residuals of constraints by the velocities.
 pub(super) const ROWS: &str = "constraint_gradients";
@@ -25,22 +27,45 @@ pub(super) struct RankLayout {
     pub(super) moving: Vec<usize>,
 }
 
-/// The rows of the first `n_equations` gradients that were found, of equations between coordinates. None where the
-/// equations of motion divide by nothing that may vanish, or no row changes.
-pub(super) fn of_positions(
-    g: &Graph,
-    equations: &Equations,
-    state: &[StateEquation],
-    found: &WithGradients,
-    n_equations: usize,
-) -> Option<RankLayout> {
-    layout_of(g, equations, state, found, (0..n_equations).collect())
+/// The rows that a motion may lose.
+pub(super) struct Found {
+    pub(super) layout: RankLayout,
+    /// What has them, unless they are gradients of the equations between coordinates.
+    pub(super) constraints: Option<WithGradients>,
 }
 
-/// The gradients of residuals by velocities, `d(residual_i)/dv_j`, and the rows of constraints that are affine in
-/// these: of others a row turns with the velocities. None as for [`of_positions`], and where the state violates no
-/// constraint.
-pub(super) fn of_constraints(
+/// The gradients of residuals by velocities, `d(residual_i)/dv_j`, or where the state violates no constraint, those of
+/// the equations between coordinates. None where the equations of motion divide by nothing that may vanish, or the rows
+/// are proved to stay independent.
+///
+/// # Errors
+/// What the budget of the graph says.
+pub(super) fn find(
+    graph: &mut Graph,
+    equations: &Equations,
+    state: &[StateEquation],
+) -> Result<Option<Found>, Error> {
+    if equations.pivots.is_empty() {
+        return Ok(None);
+    }
+    // What is not used leaves nothing behind, and code as it is.
+    let mut g = graph.clone();
+    let of_constraints = of_constraints(&mut g, equations, state);
+    g.within_budget()?;
+    if let Some((found, layout)) = of_constraints {
+        *graph = g;
+        return Ok(Some(Found { layout, constraints: Some(found) }));
+    }
+    let of_positions = positions::find(&mut g, equations, state);
+    g.within_budget()?;
+    let Ok((found, how)) = of_positions else { return Ok(None) };
+    let layout = layout_of(&mut g, equations, state, &found, (0..how.n_equations).collect());
+    Ok(layout.map(|layout| Found { layout, constraints: None }))
+}
+
+/// The gradients by velocities, and the rows of constraints that are affine in these: of others a row turns with the
+/// velocities.
+fn of_constraints(
     g: &mut Graph,
     equations: &Equations,
     state: &[StateEquation],
@@ -77,24 +102,74 @@ fn velocities(equations: &Equations) -> BTreeSet<SymbolId> {
     system.unknowns.iter().map(|unknown| unknown.symbol).chain(momenta).collect()
 }
 
-/// The layout of rows that are not all constant, where something that is divided by may vanish.
+/// The layout of rows that may become dependent.
 fn layout_of(
-    g: &Graph,
+    g: &mut Graph,
     equations: &Equations,
     state: &[StateEquation],
     found: &WithGradients,
     rows: Vec<usize>,
 ) -> Option<RankLayout> {
-    if equations.pivots.is_empty() {
+    let mut entries: BTreeMap<usize, BTreeMap<usize, ExprId>> =
+        rows.into_iter().map(|k| (k, BTreeMap::new())).collect();
+    for ((i, j), (_, e)) in found.gradients.pattern.iter().zip(&found.outputs[1].components) {
+        if let Some(row) = entries.get_mut(i) {
+            row.insert(*j, *e);
+        }
+    }
+    leave_out_independent(g, &mut entries);
+    if entries.is_empty() || keep_volume(g, equations, state, found, &entries) {
         return None;
     }
     let sections = [equations.sections.as_slice(), &found.sections].concat();
-    let entries = found.gradients.pattern.iter().zip(&found.outputs[1].components);
-    let entries: Vec<ExprId> = entries.filter(|((i, _), _)| rows.contains(i)).map(|(_, (_, e))| *e).collect();
     let depends = |k: &usize| {
         let symbol = BTreeSet::from([state[*k].symbol]);
-        entries.iter().any(|e| needs_by(g, &sections, *e, &symbol))
+        entries.values().flat_map(BTreeMap::values).any(|e| needs_by(g, &sections, *e, &symbol))
     };
     let moving: Vec<usize> = (0..state.len()).filter(depends).collect();
+    let rows = entries.keys().copied().collect();
     (!moving.is_empty()).then_some(RankLayout { matrix: found.gradients.name, rows, moving })
+}
+
+/// Leaves out each row that has a number in a column where all others that are left are zero: it is independent of
+/// them, and they of each other or not without it.
+fn leave_out_independent(g: &Graph, rows: &mut BTreeMap<usize, BTreeMap<usize, ExprId>>) {
+    let has_own_column = |rows: &BTreeMap<usize, BTreeMap<usize, ExprId>>, row: &BTreeMap<usize, ExprId>| {
+        let is_own = |j: &usize| rows.values().filter(|other| other.contains_key(j)).count() == 1;
+        row.iter().any(|(j, e)| g.as_rational(*e).is_some() && is_own(j))
+    };
+    while let Some(k) = rows.iter().find_map(|(k, row)| has_own_column(rows, row).then_some(*k)) {
+        rows.remove(&k);
+    }
+}
+
+/// Whether the motion keeps the volume of rows, whose square is their Gram determinant, such as the length of an
+/// advected vector: proved for few rows.
+fn keep_volume(
+    g: &mut Graph,
+    equations: &Equations,
+    state: &[StateEquation],
+    found: &WithGradients,
+    rows: &BTreeMap<usize, BTreeMap<usize, ExprId>>,
+) -> bool {
+    let entries: Vec<ExprId> = rows.values().flat_map(BTreeMap::values).copied().collect();
+    if rows.len() > 2 || !needed_sections(g, &found.sections, &entries).is_empty() {
+        return false;
+    }
+    let rows: Vec<&BTreeMap<usize, ExprId>> = rows.values().collect();
+    let mut product = |a: &BTreeMap<usize, ExprId>, b: &BTreeMap<usize, ExprId>| {
+        let both = a.iter().filter_map(|(j, e)| Some((*e, *b.get(j)?)));
+        let (a, b): (Vec<ExprId>, Vec<ExprId>) = both.unzip();
+        g.dot(&a, &b)
+    };
+    let square = match rows.as_slice() {
+        [a] => product(a, a),
+        [a, b] => {
+            let [aa, bb, ab] = [product(a, a), product(b, b), product(a, b)];
+            let (diagonal, others) = (g.mul(aa, bb), g.mul(ab, ab));
+            g.sub(diagonal, others)
+        }
+        _ => return false,
+    };
+    rates(g, equations, state, &[square]).iter().all(|rate| g.is_zero(*rate))
 }

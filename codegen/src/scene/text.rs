@@ -49,7 +49,8 @@ pub struct Writing {
 /// The languages in which a scene is written down.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Language {
-    /// A module for the crate `hamel-runtime`: `<module>.rs`.
+    /// A module for the crate `hamel-runtime`: `<module>.rs`. Scenes whose constraints may lose their rank have the
+    /// gradients of these, whether they want them or not, which integrators ask for.
     #[default]
     Rust,
     /// A header and a source of C99, which need nothing but a few functions of `math.h`: `<module>.h`, `<module>.c`.
@@ -76,7 +77,7 @@ pub enum Language {
 
 impl Language {
     /// Derivatives of the right-hand side that every scene has in that language; those by inputs where it takes any.
-    pub fn derivatives(self) -> &'static [Derivative] {
+    pub(super) fn derivatives(self) -> &'static [Derivative] {
         match self {
             Language::Rust
             | Language::C
@@ -97,8 +98,14 @@ impl Language {
     }
 
     /// Whether every scene has the equations between coordinates in that language, where it carries these.
-    pub fn positions(self) -> bool {
+    pub(super) fn positions(self) -> bool {
         self == Language::Wasm
+    }
+
+    /// Whether every scene has the rows whose rank a motion may lose in that language: where the integrators of the
+    /// runtime ask for them.
+    pub(super) fn ranks(self) -> bool {
+        matches!(self, Language::Rust | Language::Wasm)
     }
 }
 

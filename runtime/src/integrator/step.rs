@@ -199,7 +199,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             self.system.check(t_new, &to.state).map_err(|failure| Rejection::Failed(failure.into()))?;
         }
         if matches!(self.options.step, StepSize::Fixed(_)) || !has_slopes {
-            return self.keeps_signature(t_new).map(|()| 0.0);
+            return self.stays_regular(t_new).map(|()| 0.0);
         }
         let k = Derivatives {
             n_stages: self.method.tableau().n_stages(),
@@ -232,7 +232,7 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
             estimate(rows.map(|row| square_within_range(norm, row, &k, &tolerances, h, work)))
         });
         if square <= 1.0 {
-            self.keeps_signature(t_new).map(|()| square)
+            self.stays_regular(t_new).map(|()| square)
         } else if square.is_finite() {
             Err(Rejection::Inaccurate(square))
         } else {
@@ -240,16 +240,20 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         }
     }
 
-    /// Whether no pivot has passed through zero on the way to the trial state, and no single divisor through a pole of
-    /// the slope.
+    /// Whether no pivot has passed through zero on the way to the trial state, no single divisor through a pole of the
+    /// slope, and no constraint has become dependent on others.
     #[inline]
-    fn keeps_signature(&mut self, t_new: R) -> Result<(), Rejection> {
+    fn stays_regular(&mut self, t_new: R) -> Result<(), Rejection> {
         let to = &self.points[usize::from(!self.current)];
         let signature = self.system.signature(t_new, &to.state);
-        if signature.all_ge(self.signature) && self.signature.all_ge(signature) {
-            return Ok(());
+        if !(signature.all_ge(self.signature) && self.signature.all_ge(signature)) {
+            self.takes_signature(t_new, signature)?;
         }
-        self.takes_signature(t_new, signature)
+        let [from, to] = [self.current, !self.current].map(|at| &self.points[usize::from(at)].state);
+        match self.system.keeps_rank((self.t, from), (t_new, to)) {
+            true => Ok(()),
+            false => Err(Rejection::Failed(Failure::RankLost { t: signed(t_new) }.into())),
+        }
     }
 
     /// Takes the signature of the trial state where single divisors alone have passed through zero, and the slope has

@@ -9,7 +9,8 @@ use super::dialect::Dialect;
 use super::expression::{Formula, Text, operation};
 use super::names::Scope;
 use super::text::{
-    DiscreteText, FlowText, ImplicitText, MatrixText, OutputText, PositionsText, ProductText, SceneText,
+    DiscreteText, FlowText, ImplicitText, MatrixText, OutputText, PositionsText, ProductText, RanksText,
+    SceneText,
 };
 use crate::program::{Circles, Factors, Function, Operand, Program, Role};
 use hamel_expr::error::Error;
@@ -428,6 +429,14 @@ impl<'a> Module<'a> {
         let gradients = self.matrix_function(&text.gradients)?;
         let values = self.outputs.iter().find(|o| o.text.name == text.values)?;
         Some((text, values.text.components.len(), &values.name, gradients))
+    }
+
+    /// The rows that a motion keeps independent: the entries of their matrix, and where these are.
+    pub(super) fn ranks(&self) -> Option<(&RanksText, &OutputRoutine<'_>, &[(usize, usize)])> {
+        let text = self.text.ranks.as_ref()?;
+        let output = self.outputs.iter().find(|o| o.text.name == text.matrix)?;
+        let (matrix, _) = output.matrix.as_ref()?;
+        Some((text, output, &matrix.pattern))
     }
 
     /// The function that computes the functions of events; none where the scene has no events.

@@ -284,16 +284,9 @@ impl Writer<'_> {
 
     /// The rows that may become dependent, one after the other; empty where there are none.
     fn rows(&self, call: &impl Fn(&OutputRoutine<'_>, usize) -> String) -> String {
-        let module = self.module;
-        let Some(text) = &module.text.ranks else { return String::new() };
-        let Some((output, matrix)) = module.outputs.iter().find_map(|output| {
-            let (matrix, _) = output.matrix.as_ref()?;
-            (matrix.name == text.matrix).then_some((output, matrix))
-        }) else {
-            return String::new();
-        };
+        let Some((text, output, pattern)) = self.module.ranks() else { return String::new() };
         let mut entries = String::new();
-        for (k, (i, j)) in matrix.pattern.iter().enumerate() {
+        for (k, (i, j)) in pattern.iter().enumerate() {
             if let Some(row) = text.rows.iter().position(|own| own == i) {
                 let _ = writeln!(entries, "    rows[{row}][{j}] = out[{k}];");
             }
@@ -310,7 +303,7 @@ impl Writer<'_> {
             n_rows = text.rows.len(),
             n_moving = moving.len(),
             moving = moving.join(", "),
-            n = matrix.pattern.len(),
+            n = pattern.len(),
             values = call(output, 0),
         )
     }

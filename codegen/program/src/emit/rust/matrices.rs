@@ -171,6 +171,40 @@ impl Writer<'_> {
         }
     }
 
+    /// What following the rank of constraints asks for.
+    pub(super) fn independent_rows(&self) -> TokenStream {
+        let Some((text, output, pattern)) = self.module.ranks() else { return TokenStream::new() };
+        let (rt, arguments, n) = (&self.runtime, self.arguments(), self.module.state.len());
+        let names: Vec<String> = (0..pattern.len()).map(|k| format!("e{k}")).collect();
+        let mut values = vec![vec!["R::ZERO".to_owned(); n]; text.rows.len()];
+        let mut read = vec!["_".to_owned(); pattern.len()];
+        for (k, (i, j)) in pattern.iter().enumerate() {
+            if let Some(row) = text.rows.iter().position(|own| own == i) {
+                values[row][*j].clone_from(&names[k]);
+                read[k].clone_from(&names[k]);
+            }
+        }
+        let call = taken_apart(&lines::array(&read), &format!("self.{}(t, y)", output.name));
+        let (rows, n, k) = (rows(&values), size(n), size(text.rows.len()));
+        let moving = text.moving.iter().map(|at| size(*at));
+        quote! {
+            impl<R: #rt::Real> #rt::IndependentRows<R> for Prepared<R> {
+                type Rows = [[R; #n]; #k];
+
+                #[inline]
+                fn moving(&self) -> &[usize] {
+                    &[#(#moving),*]
+                }
+
+                #[inline]
+                fn rows(#arguments) -> [[R; #n]; #k] {
+                    #call
+                    #rows
+                }
+            }
+        }
+    }
+
     /// What solving the equations between coordinates asks for.
     pub(super) fn positions(&self) -> TokenStream {
         let Some((text, n_functions, values, gradients)) = self.module.positions() else {

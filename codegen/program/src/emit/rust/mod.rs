@@ -70,6 +70,7 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.adjoint(),
         writer.invariants(),
         writer.positions(),
+        writer.independent_rows(),
         writer.implicit(),
         writer.discrete(),
         writer.exact_flows(),

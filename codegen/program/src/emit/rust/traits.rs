@@ -15,9 +15,13 @@ impl Writer<'_> {
         let (module, rt) = (self.module, &self.runtime);
         let (n, arguments) = (module.state.len(), self.arguments());
         let mut methods = String::new();
-        let optional =
-            [("pivots", &module.pivots), ("signature", &module.signature), ("domain", &module.domain)];
-        for (name, _) in optional.iter().filter(|(_, routine)| routine.is_some()) {
+        let optional = [
+            ("pivots", module.pivots.is_some()),
+            ("signature", module.signature.is_some()),
+            ("domain", module.domain.is_some()),
+            ("ranks", module.ranks().is_some()),
+        ];
+        for (name, _) in optional.iter().filter(|(_, is_there)| *is_there) {
             methods.push_str(&format!(" {name}"));
         }
         let system = lines::statements(&format!("{}::system!(Prepared[{n}]{methods});", self.path));
