@@ -66,14 +66,16 @@ impl<const K: usize> System<f64> for Point<K> {
 }
 
 impl<const K: usize> IndependentRows<f64> for Point<K> {
-    type Rows = [[f64; 6]; K];
+    type Row = [f64; 3];
+
+    type Rows = [[f64; 3]; K];
 
     fn moving(&self) -> &[usize] {
         self.moving
     }
 
-    fn rows(&self, _t: f64, y: &[f64; 6]) -> [[f64; 6]; K] {
-        (self.rows)([y[0], y[1], y[2]]).map(|[a, b, c]| [0.0, 0.0, 0.0, a, b, c])
+    fn rows(&self, _t: f64, y: &[f64; 6]) -> [[f64; 3]; K] {
+        (self.rows)([y[0], y[1], y[2]])
     }
 }
 
@@ -161,14 +163,16 @@ fn one_lane_ends_all() {
     }
 
     impl IndependentRows<F64x4> for Opposed {
-        type Rows = [[F64x4; 3]; 2];
+        type Row = [F64x4; 2];
+
+        type Rows = [[F64x4; 2]; 2];
 
         fn moving(&self) -> &[usize] {
             &[0]
         }
 
-        fn rows(&self, _t: F64x4, y: &[F64x4; 3]) -> [[F64x4; 3]; 2] {
-            [[F64x4::ZERO, F64x4::ONE, -y[0]], [F64x4::ZERO, F64x4::ONE, y[0]]]
+        fn rows(&self, _t: F64x4, y: &[F64x4; 3]) -> [[F64x4; 2]; 2] {
+            [[F64x4::ONE, -y[0]], [F64x4::ONE, y[0]]]
         }
     }
 

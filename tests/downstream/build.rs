@@ -5,6 +5,7 @@ fn main() -> Result<(), hamel_codegen::config::Problems> {
         "models/suslov_gyrostat.hamel",
         "models/thinning.hamel",
         "models/loop.hamel",
+        "models/windows.hamel",
     ])?;
     hamel_codegen::Config::new()
         .scenes("kite", ["flight"])

@@ -118,7 +118,12 @@ fn layout_of(
         }
     }
     leave_out_independent(g, &mut entries);
-    if entries.is_empty() || keep_volume(g, equations, state, found, &entries) {
+    let columns: BTreeSet<usize> = entries.values().flat_map(BTreeMap::keys).copied().collect();
+    // More rows than columns depend on each other everywhere.
+    if entries.is_empty()
+        || entries.len() > columns.len()
+        || keep_volume(g, equations, state, found, &entries)
+    {
         return None;
     }
     let sections = [equations.sections.as_slice(), &found.sections].concat();

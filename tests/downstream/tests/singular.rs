@@ -1,7 +1,11 @@
-//! A motion that ends at a singular point, in compiled code: the inertia `1 - x^2` vanishes at `t = pi/4`.
+//! Motions that end at singular points, in compiled code: the inertia `1 - x^2` vanishes at `t = pi/4`, and the cranks of
+//! a linkage lie flat.
 
 use hamel_downstream::models::thinning::{Prepared, State};
-use hamel_runtime::{Dop853, Error, Failure, Gauss6, Integrator, Method, Options, Rk4};
+use hamel_downstream::models::{windows, windows_bare};
+use hamel_runtime::{
+    Dop853, Dopri5, Error, Failure, Gauss6, Integrator, Method, Options, Rk4, StepSize, System, Vern9,
+};
 
 const PIVOT: &str = "inertia along x_dot";
 
@@ -35,4 +39,40 @@ fn the_signature_says_on_which_side_a_state_is() {
     let at = |x: f64| system.signature(0.0, &[x, 0.0, 1.0, 0.0]);
     assert_eq!([at(0.5), at(-0.9), at(1.5)], [1.0, 1.0, -1.0]);
     assert!(at(1.0).is_nan() && at(1e200).is_nan());
+}
+
+/// When the cranks of two windows lie flat, as `hamel simulate` tells: two equations depend on the others.
+const FLAT: f64 = 0.714_356;
+
+fn folds<S: System<f64, State = [f64; 12]>>(
+    system: &S,
+    start: [f64; 12],
+    method: impl Method<f64, S>,
+    options: Options<f64>,
+) {
+    let step = if let StepSize::Fixed(step) = options.step { step } else { 0.0 };
+    let mut solver = Integrator::new(system, method, 0.0, start, options).unwrap();
+    let error = solver.integrate_to(3.0).unwrap_err();
+    let Error::Failure(Failure::RankLost { t } | Failure::Singular { t, .. }) = error else {
+        panic!("{error}")
+    };
+    assert!((t - FLAT).abs() < 1e-3 + step, "{error}");
+}
+
+/// Whoever makes the steps, with the outputs of the model or without.
+#[test]
+fn compiled_motions_end_where_equations_depend_on_each_other() {
+    let start = windows::INITIAL;
+    let system = windows::Prepared::new(&Default::default()).unwrap();
+    let bare = windows_bare::Prepared::new(&Default::default()).unwrap();
+    for tolerance in [1e-4, 1e-6, 1e-8, 1e-10] {
+        let options = Options::adaptive(tolerance, tolerance);
+        folds(&system, start, Dop853, options);
+        folds(&system, start, Vern9, options);
+        folds(&bare, start, Dop853, options);
+    }
+    for step in [0.003, 0.01, 0.05] {
+        folds(&system, start, Rk4, Options::fixed(step));
+        folds(&bare, start, Dopri5, Options::fixed(step));
+    }
 }

@@ -51,6 +51,35 @@ static double orthonormal(double (*rows)[FMU_STATE], Rows q) {
     return least;
 }
 
+/* Whether rows are independent all along the straight line between both: where A B^T + B A^T is positive definite,
+   ((1 - s) A + s B) ((1 - s) A + s B)^T is. Rows that are zero at both ends, as where a mode is off, are left out. */
+static bool are_near(double (*a)[FMU_STATE], double (*b)[FMU_STATE]) {
+    double both[FMU_ROWS][FMU_ROWS];
+    for (int i = 0; i < FMU_ROWS; i++) {
+        for (int j = 0; j <= i; j++) {
+            both[i][j] = 0.5 * (inner(a[i], b[j]) + inner(b[i], a[j]));
+        }
+    }
+    for (int k = 0; k < FMU_ROWS; k++) {
+        const double whole = both[k][k];
+        if (inner(a[k], a[k]) == 0.0 && inner(b[k], b[k]) == 0.0) {
+            both[k][k] = 1.0;
+            continue;
+        }
+        for (int j = 0; j < k; j++) {
+            const double factor = both[k][j] / both[j][j];
+            for (int i = j + 1; i < k; i++) {
+                both[k][i] -= factor * both[i][j];
+            }
+            both[k][k] -= factor * both[k][j];
+        }
+        if (!(both[k][k] > 1e-2 * fabs(whole))) {
+            return false;
+        }
+    }
+    return true;
+}
+
 /* Whether the span of rows turns by more than 60 degrees to another one, or a direction in it turns round. */
 static bool are_turned(double (*a)[FMU_STATE], double (*b)[FMU_STATE]) {
     Rows p, q;
@@ -184,6 +213,14 @@ static bool loses_rank(const Data *d, double t, const double *y) {
     double farthest = 0.0;
     fmu_rows(&d->prepared, d->t, d->y, before);
     fmu_rows(&d->prepared, t, y, after);
+    for (int k = 0; k < FMU_MOVING; k++) {
+        farthest = fmax(farthest, fabs(y[fmu_moving[k]] - d->y[fmu_moving[k]]));
+    }
+    /* An angle that turns a direction round and back does so in many of them. */
+    const int n_parts = (int)fmin(farthest / 0.25, MAX_RANK_PARTS);
+    if (n_parts < 2 && are_near(before, after)) {
+        return false;
+    }
     for (int k = 0; k < FMU_ROWS; k++) {
         const double length = sqrt(inner(before[k], before[k]));
         if (length > 0.0 && sqrt(inner(after[k], after[k])) <= 1e-6 * length) {
@@ -197,11 +234,6 @@ static bool loses_rank(const Data *d, double t, const double *y) {
     if (!(orthonormal(after, q) > 1e-6)) {
         return true;
     }
-    for (int k = 0; k < FMU_MOVING; k++) {
-        farthest = fmax(farthest, fabs(y[fmu_moving[k]] - d->y[fmu_moving[k]]));
-    }
-    /* An angle that turns a direction round and back does so in many of them. */
-    const int n_parts = (int)fmin(farthest / 0.25, MAX_RANK_PARTS);
     if (are_turned(before, after)) {
         return jump(d, t, y, n_parts > RANK_PARTS ? n_parts : RANK_PARTS, RANK_DEPTH - 1);
     }

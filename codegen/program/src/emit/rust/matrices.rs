@@ -2,6 +2,8 @@
 //!
 //! Does not know: which derivatives a scene wants, or how their entries are computed.
 
+use std::collections::BTreeSet;
+
 use proc_macro2::TokenStream;
 use quote::quote;
 
@@ -174,21 +176,23 @@ impl Writer<'_> {
     /// What following the rank of constraints asks for.
     pub(super) fn independent_rows(&self) -> TokenStream {
         let Some((text, output, pattern)) = self.module.ranks() else { return TokenStream::new() };
-        let (rt, arguments, n) = (&self.runtime, self.arguments(), self.module.state.len());
-        let names: Vec<String> = (0..pattern.len()).map(|k| format!("e{k}")).collect();
-        let mut values = vec![vec!["R::ZERO".to_owned(); n]; text.rows.len()];
+        let (rt, arguments) = (&self.runtime, self.arguments());
+        let own = || pattern.iter().enumerate().filter(|(_, (i, _))| text.rows.contains(i));
+        let columns: BTreeSet<usize> = own().map(|(_, (_, j))| *j).collect();
+        let mut values = vec![vec!["R::ZERO".to_owned(); columns.len()]; text.rows.len()];
         let mut read = vec!["_".to_owned(); pattern.len()];
-        for (k, (i, j)) in pattern.iter().enumerate() {
-            if let Some(row) = text.rows.iter().position(|own| own == i) {
-                values[row][*j].clone_from(&names[k]);
-                read[k].clone_from(&names[k]);
-            }
+        for (k, (i, j)) in own() {
+            read[k] = format!("e{k}");
+            let row = text.rows.iter().position(|own| own == i).unwrap_or_default();
+            values[row][columns.range(..j).count()].clone_from(&read[k]);
         }
         let call = taken_apart(&lines::array(&read), &format!("self.{}(t, y)", output.name));
-        let (rows, n, k) = (rows(&values), size(n), size(text.rows.len()));
+        let (rows, n, k) = (rows(&values), size(columns.len()), size(text.rows.len()));
         let moving = text.moving.iter().map(|at| size(*at));
         quote! {
             impl<R: #rt::Real> #rt::IndependentRows<R> for Prepared<R> {
+                type Row = [R; #n];
+
                 type Rows = [[R; #n]; #k];
 
                 #[inline]
