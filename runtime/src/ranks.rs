@@ -18,9 +18,12 @@ const DEPTH: u32 = 2;
 /// So far a component of the state that rows depend on moves on a part: an angle that turns a direction round and back
 /// does so in many of them.
 const PART: f64 = 0.25;
-/// A row that becomes shorter than this part of its length vanishes, unless a factor of it does: the square of the
-/// distance from such a place is below the residuals of constraints.
+/// A row that is shorter than this part of its derivative by a component of the state, times the size of the state,
+/// vanishes, unless a factor of it does: the square of the distance from such a place is below the residuals of
+/// constraints.
 const VANISHING: f64 = 1e-6;
+/// A row that has become shorter by this factor on a step may vanish.
+const SHRUNK: f64 = 0.98;
 /// The part of a row beside those before it, below which it depends on them: reactions are in inverse proportion to it,
 /// and have four digits left.
 const DEPENDENT: f64 = 1e-6;
@@ -81,20 +84,19 @@ pub fn keeps_rank<R: Real, S: IndependentRows<R>>(
     let farthest = system.moving().iter().fold(0.0_f64, |max, &k| max.max((y1[k] - y0[k]).magnitude()));
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the limits")]
     let parts = (farthest / PART).min(MAX_PARTS) as u32;
-    if parts < 2 && are_near(&before, &after) {
-        return true;
-    }
     let (first, last) = (before.as_ref(), after.as_mut());
     for k in 0..first.len() {
-        let (was, is) = (length(&first[k]), length(&last[k]));
-        // Also where both are zero, as of a mode that is off.
-        if (is + R::from_f64(R::MIN_POSITIVE)).all_gt(was * R::from_f64(VANISHING)) {
+        let shrunk = length(&first[k]) * R::from_f64(SHRUNK);
+        if length(&last[k]).all_ge(shrunk) || !vanishes(system, to, k, &last[k]) {
             continue;
         }
         if !has_factor(system, from, to, k) {
             return false;
         }
         last[k].clone_from(&first[k]);
+    }
+    if parts < 2 && are_near(&before, &after) {
+        return true;
     }
     let mut orthonormal_rows = after.clone();
     if !orthonormal(orthonormal_rows.as_mut()).all_gt(R::from_f64(DEPENDENT)) {
@@ -204,6 +206,25 @@ fn turn_round<R: Real, S: IndependentRows<R>>(
         }
     }
     are_turned(before, &aligned)
+}
+
+/// Whether row `k` vanishes next to a state.
+fn vanishes<R: Real, S: IndependentRows<R>>(
+    system: &S,
+    (t, y): (R, &S::State),
+    k: usize,
+    row: &S::Row,
+) -> bool {
+    let size = y.as_slice().iter().fold(1.0_f64, |max, y| max.max(y.magnitude()));
+    let own = length(row);
+    !system.moving().iter().all(|&at| {
+        let mut beside = y.clone();
+        beside.as_mut_slice()[at] += R::from_f64(BESIDE * size);
+        let rows = system.rows(t, &beside);
+        let pairs = rows.as_ref()[k].as_slice().iter().zip(row.as_slice());
+        let change = pairs.fold(R::ZERO, |sum, (&a, &b)| (a - b).mul_add(a - b, sum)).sqrt();
+        own.all_gt(change * R::from_f64(VANISHING / BESIDE))
+    })
 }
 
 /// Whether row `k` has one direction all around a state, so that it vanishes with a factor alone.

@@ -115,6 +115,29 @@ static bool are_turned(double (*a)[FMU_STATE], double (*b)[FMU_STATE]) {
     return !(volume > 0.5);
 }
 
+/* Whether row `k` vanishes next to a state: it is shorter than a millionth of its derivative by a component of the
+   state, times the size of the state. */
+static bool vanishes(const Data *d, double t, const double *y, int k, const double *row) {
+    double size = 1.0;
+    for (int i = 0; i < FMU_STATE; i++) {
+        size = fmax(size, fabs(y[i]));
+    }
+    for (int j = 0; j < FMU_MOVING; j++) {
+        Rows rows;
+        double beside[FMU_STATE], change[FMU_STATE];
+        memcpy(beside, y, sizeof beside);
+        beside[fmu_moving[j]] += 1e-4 * size;
+        fmu_rows(&d->prepared, t, beside, rows);
+        for (int i = 0; i < FMU_STATE; i++) {
+            change[i] = rows[k][i] - row[i];
+        }
+        if (!(inner(row, row) > 1e-4 * inner(change, change))) {
+            return true;
+        }
+    }
+    return false;
+}
+
 /* Whether row `k` has one direction all around a state, so that it vanishes with a factor alone. */
 static bool has_factor(const Data *d, double t, const double *y, int k) {
     double first[FMU_STATE], beside[FMU_STATE], step = 1.0;
@@ -218,17 +241,17 @@ static bool loses_rank(const Data *d, double t, const double *y) {
     }
     /* An angle that turns a direction round and back does so in many of them. */
     const int n_parts = (int)fmin(farthest / 0.25, MAX_RANK_PARTS);
-    if (n_parts < 2 && are_near(before, after)) {
-        return false;
-    }
     for (int k = 0; k < FMU_ROWS; k++) {
         const double length = sqrt(inner(before[k], before[k]));
-        if (length > 0.0 && sqrt(inner(after[k], after[k])) <= 1e-6 * length) {
+        if (sqrt(inner(after[k], after[k])) < 0.98 * length && vanishes(d, t, y, k, after[k])) {
             if (!has_factor(d, t, y, k)) {
                 return true;
             }
             memcpy(after[k], before[k], sizeof after[k]);
         }
+    }
+    if (n_parts < 2 && are_near(before, after)) {
+        return false;
     }
     /* Reactions are in inverse proportion to it, and have four digits left. */
     if (!(orthonormal(after, q) > 1e-6)) {
