@@ -1081,18 +1081,24 @@ class Model:
         rows, left_out, text = _hamel.formulations(self._native)
         return Formulations(tuple(Formulation(*row) for row in rows), dict(left_out), text)
 
-    def generate(self, language: str = "rust", folder: str | os.PathLike[str] | None = None) -> dict[str, str]:
+    def generate(
+        self,
+        language: str = "rust",
+        folder: str | os.PathLike[str] | None = None,
+        *,
+        precision: str = "double",
+    ) -> dict[str, str]:
         """The files of the scene in a language by name, as ``hamel generate --language`` writes them.
 
         Languages are ``rust``, ``c``, ``cpp``, ``casadi``, ``casadi-expr``, ``jax``, ``sympy``, ``julia``, ``matlab`` and
-        ``wasm``. With ``folder`` the files are written there, in the place of files of the same names. Parameters and
-        inputs have the values of the text.
+        ``wasm``; ``precision`` is ``double``, or ``float`` for C and C++. With ``folder`` the files are written there, in
+        the place of files of the same names. Parameters and inputs have the values of the text.
 
         :meth:`fmu` writes FMUs.
 
         Raises :class:`InputError` for other languages and for scenes that a language does not take; :class:`FileError`.
         """
-        files = _hamel.generate(self._native, language)
+        files = _hamel.generate(self._native, language, precision)
         if folder is not None:
             try:
                 for name, text in files.items():

@@ -10,7 +10,7 @@ use hamel::output::fmu;
 use hamel::output::formulations::table;
 use hamel::output::report::contents::contents;
 use hamel::output::report::page;
-use hamel_codegen::config::Language;
+use hamel_codegen::config::{Language, Precision};
 use hamel_codegen::scene::{self, Scenes};
 use hamel_codegen::spec::Unit;
 use hamel_codegen::{Config, explain as explained};
@@ -36,9 +36,17 @@ const LANGUAGES: [(&str, Language); 10] = [
     ("wasm", Language::Wasm),
 ];
 
+/// Numbers of C and C++ by the names that `hamel generate --precision` has for them.
+const PRECISIONS: [(&str, Precision); 2] = [("double", Precision::Double), ("float", Precision::Single)];
+
 /// The texts of the files of a scene by name.
 #[pyfunction]
-pub(crate) fn generate(py: Python<'_>, scene: &Scene, language: &str) -> PyResult<BTreeMap<String, String>> {
+pub(crate) fn generate(
+    py: Python<'_>,
+    scene: &Scene,
+    language: &str,
+    precision: &str,
+) -> PyResult<BTreeMap<String, String>> {
     let made = || -> Result<BTreeMap<String, String>, Error> {
         let Some((_, language)) = LANGUAGES.iter().find(|(name, _)| *name == language) else {
             if language == "fmu" {
@@ -46,8 +54,11 @@ pub(crate) fn generate(py: Python<'_>, scene: &Scene, language: &str) -> PyResul
             }
             return Err(unknown("generate", "language", language, &LANGUAGES.map(|(name, _)| name)));
         };
+        let Some((_, precision)) = PRECISIONS.iter().find(|(name, _)| *name == precision) else {
+            return Err(unknown("generate", "precision", precision, &PRECISIONS.map(|(name, _)| name)));
+        };
         let mut config = Config::new();
-        config.language(*language).scenes(&scene.model.name, [&scene.info().scene]);
+        config.language(*language).precision(*precision).scenes(&scene.model.name, [&scene.info().scene]);
         Ok(config.generate(std::slice::from_ref(&**scene.model))?.files.into_iter().collect())
     };
     py.detach(made).or_raise(py)

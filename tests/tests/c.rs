@@ -8,11 +8,12 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use hamel_codegen::config::Language;
+use hamel_codegen::config::{Language, Precision};
 use hamel_codegen::scene::{self, BuiltScene, Start, Writing};
 use hamel_codegen::spec::Model;
 use hamel_expr::rational_to_f64;
 use hamel_program::program::{Function, Point, Role};
+use hamel_runtime::Real;
 use hamel_tests::at_length;
 use hamel_tests::models::{build, derived, generated, model};
 use hamel_tests::random::Random;
@@ -20,12 +21,48 @@ use hamel_tests::random::Random;
 /// Points of each scene.
 const N_ROUNDS: usize = 12;
 
+/// A number of C, and of the interpreter.
+trait Number: Real {
+    const NAME: &'static str;
+    const PRECISION: Precision;
+
+    fn bytes(self) -> Vec<u8>;
+
+    fn read(bytes: &[u8]) -> Self;
+}
+
+impl Number for f64 {
+    const NAME: &'static str = "double";
+    const PRECISION: Precision = Precision::Double;
+
+    fn bytes(self) -> Vec<u8> {
+        self.to_le_bytes().into()
+    }
+
+    fn read(bytes: &[u8]) -> Self {
+        f64::from_le_bytes(bytes.try_into().expect("eight bytes"))
+    }
+}
+
+impl Number for f32 {
+    const NAME: &'static str = "float";
+    const PRECISION: Precision = Precision::Single;
+
+    fn bytes(self) -> Vec<u8> {
+        self.to_le_bytes().into()
+    }
+
+    fn read(bytes: &[u8]) -> Self {
+        f32::from_le_bytes(bytes.try_into().expect("four bytes"))
+    }
+}
+
 /// A scene with its name in C, and numbers that go in and have to come out.
-struct Case {
+struct Case<R> {
     prefix: String,
     built: BuiltScene,
-    input: Vec<f64>,
-    expected: Vec<f64>,
+    input: Vec<R>,
+    expected: Vec<R>,
 }
 
 fn initial_state(model: &Model, built: &BuiltScene) -> Option<Start> {
@@ -62,11 +99,11 @@ fn call(prefix: &str, has_inputs: bool, function: &Function) -> Option<String> {
 }
 
 /// What C and the interpreter compute from the same numbers: parameters, then for each round time, state and vector.
-fn case(built: BuiltScene, prefix: String) -> Case {
-    let program = built.program();
+fn case<R: Number>(built: BuiltScene, prefix: String) -> Case<R> {
+    let (program, executable) = (built.program(), built.executable());
     let mut random = Random(20_261_123);
-    let params: Vec<f64> =
-        built.params().iter().map(|p| rational_to_f64(&p.default) * (1.0 + 0.05 * random.number())).collect();
+    let mut moved = |p: f64| R::from_f64(p * (1.0 + 0.05 * random.number()));
+    let params: Vec<R> = built.params().iter().map(|p| moved(rational_to_f64(&p.default))).collect();
     let prepared = program.prepare(&params).unwrap_or_else(|e| panic!("{prefix}: {e}"));
     let slots = &prepared[..program.prepare.slots.len()];
     let (n_inputs, has_inputs) = (program.inputs.len(), !program.inputs.is_empty());
@@ -76,7 +113,7 @@ fn case(built: BuiltScene, prefix: String) -> Case {
     for round in 0..N_ROUNDS {
         // Some angles are beyond the kernel of sine and cosine, some states outside of the domain.
         let scale = [1.0, 4.0, 4e6][round % 3];
-        let mut numbers = |n: usize| (0..n).map(|_| scale * random.number()).collect::<Vec<f64>>();
+        let mut numbers = |n: usize| (0..n).map(|_| R::from_f64(scale * random.number())).collect::<Vec<R>>();
         let (t, state, vector) = (numbers(1)[0], numbers(program.state.len()), numbers(n_vector));
         input.push(t);
         input.extend(&state);
@@ -85,9 +122,9 @@ fn case(built: BuiltScene, prefix: String) -> Case {
         let (held, others) = (numbers(n_inputs), numbers(n_inputs));
         input.extend(&held);
         input.extend(&others);
-        let run = |k: usize, function: &Function, inputs: &[f64]| {
+        let run = |k: usize, function: &Function, inputs: &[R]| {
             let argument = &vector[..function.argument.len()];
-            let mut out = vec![0.0; function.results.len()];
+            let mut out = vec![R::ZERO; function.results.len()];
             let prepared = [slots, inputs].concat();
             program.run_at(k, &params, &prepared, Point { t, state: &state, argument }, &mut out);
             out
@@ -106,16 +143,17 @@ fn case(built: BuiltScene, prefix: String) -> Case {
             let k = program.function_idx(&role).unwrap_or_else(|| panic!("{prefix}: {role}"));
             expected.extend(run(k, &program.functions[k], &held));
         }
-        let mut interpreter = built.prepare(&params).unwrap_or_else(|e| panic!("{prefix}: {e}"));
+        let mut interpreter = executable.prepare_over(&params).unwrap_or_else(|e| panic!("{prefix}: {e}"));
         interpreter.set_inputs(&held);
-        expected.push(f64::from(u8::from(interpreter.domain(t, &state).is_ok())));
-        expected.push(f64::from(u8::from(interpreter.check(t, &state).is_ok())));
+        let told = |is_ok: bool| if is_ok { R::ONE } else { R::ZERO };
+        expected.push(told(interpreter.domain(t, &state).is_ok()));
+        expected.push(told(interpreter.check(t, &state).is_ok()));
     }
     Case { prefix, built, input, expected }
 }
 
 /// The function of the driver for a scene.
-fn driver(case: &Case) -> String {
+fn driver<R: Number>(case: &Case<R>) -> String {
     let (prefix, program) = (&case.prefix, case.built.program());
     let n_vector = program.functions.iter().map(|f| f.argument.len()).max().unwrap_or(0).max(1);
     let mut text = format!(
@@ -150,20 +188,23 @@ fn driver(case: &Case) -> String {
              {{ double ok[2] = {{{prefix}_domain(&p, t, y) == 0, {prefix}_check(&p, t, y) == 0}}; give(ok, 2); }}\n    }}\n}}\n\n",
         prefix.to_ascii_uppercase()
     );
-    text
+    text.replace("double", R::NAME)
 }
 
 const HEAD: &str = "#include <stdio.h>\n#include <stdlib.h>\n\
-static void take(double *x, int n) { if (fread(x, 8, n, stdin) != (size_t)n) { puts(\"no input\"); exit(1); } }\n\
-static void give(const double *x, int n) { fwrite(x, 8, n, stdout); }\n";
+static void take(double *x, int n) { if (fread(x, sizeof *x, n, stdin) != (size_t)n) { puts(\"no input\"); exit(1); } }\n\
+static void give(const double *x, int n) { fwrite(x, sizeof *x, n, stdout); }\n";
 
 /// Compiles all sources in a folder with a driver.
-fn compile(compiler: &str, folder: &Path, cases: &[Case]) -> PathBuf {
+fn compile<R: Number>(compiler: &str, folder: &Path, cases: &[Case<R>]) -> PathBuf {
     let program = folder.join(format!("all_{compiler}"));
     let mut command = Command::new(compiler);
     command.current_dir(folder).args(["-std=c99", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror"]);
     if cfg!(target_feature = "fma") {
         command.arg("-mfma");
+    }
+    if R::PRECISION == Precision::Single {
+        command.arg("-Wdouble-promotion");
     }
     command.arg("driver.c").args(cases.iter().map(|case| format!("{}.c", case.prefix)));
     let status = command.arg("-o").arg(&program).arg("-lm").status();
@@ -172,7 +213,7 @@ fn compile(compiler: &str, folder: &Path, cases: &[Case]) -> PathBuf {
 }
 
 /// Writes scenes as C to a folder of this name, compiles them with every compiler and compares.
-fn compare(name: &str, scenes: Vec<(BuiltScene, Option<Start>)>) {
+fn compare<R: Number>(name: &str, scenes: Vec<(BuiltScene, Option<Start>)>) {
     let compilers = compilers();
     if compilers.is_empty() {
         println!("skipped: no C compiler; install gcc or clang");
@@ -180,16 +221,16 @@ fn compare(name: &str, scenes: Vec<(BuiltScene, Option<Start>)>) {
     }
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     std::fs::create_dir_all(&folder).expect("a folder for tests");
-    let mut cases = Vec::new();
+    let mut cases: Vec<Case<R>> = Vec::new();
+    let writing = Writing { precision: R::PRECISION, ..Writing::default() };
     for (built, initial) in scenes {
-        let c =
-            built.emit_c(&Writing::default(), initial).unwrap_or_else(|e| panic!("{}: {e}", built.name()));
+        let c = built.emit_c(&writing, initial).unwrap_or_else(|e| panic!("{}: {e}", built.name()));
         for (extension, text) in [("h", &c.header), ("c", &c.source)] {
             std::fs::write(folder.join(format!("{}.{extension}", c.prefix)), text).expect("a file for tests");
         }
         cases.push(case(built, c.prefix));
     }
-    let mut text = HEAD.to_owned();
+    let mut text = HEAD.replace("double", R::NAME);
     cases.iter().for_each(|case| text.push_str(&driver(case)));
     let calls: String = cases.iter().map(|case| format!("    run_{}();\n", case.prefix)).collect();
     let _ = write!(text, "int main(void) {{\n{calls}    return 0;\n}}\n");
@@ -201,29 +242,28 @@ fn compare(name: &str, scenes: Vec<(BuiltScene, Option<Start>)>) {
 }
 
 /// Gives a program its numbers, and compares what comes out.
-fn compare_with(compiler: &str, program: &Path, cases: &[Case]) {
+fn compare_with<R: Number>(compiler: &str, program: &Path, cases: &[Case<R>]) {
     let child = Command::new(program).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
     let mut child = child.expect("the program starts");
     let mut stdin = child.stdin.take().expect("a pipe");
-    let bytes: Vec<u8> = cases.iter().flat_map(|c| &c.input).flat_map(|x| x.to_le_bytes()).collect();
+    let bytes: Vec<u8> = cases.iter().flat_map(|c| &c.input).flat_map(|x| x.bytes()).collect();
     let writer = std::thread::spawn(move || stdin.write_all(&bytes));
     let output = child.wait_with_output().expect("the program ends");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
     writer.join().expect("the thread ends").expect("the program reads everything");
-    let (found, _) = output.stdout.as_chunks::<8>();
-    let mut found = found.iter().map(|bytes| f64::from_le_bytes(*bytes));
+    let mut found = output.stdout.chunks_exact(R::ZERO.bytes().len()).map(R::read);
     let (mut compared, mut finite) = (0, 0);
     for case in cases {
         for (k, expected) in case.expected.iter().enumerate() {
             let value = found.next().unwrap_or_else(|| panic!("{}: no number {k}", case.prefix));
             assert!(
-                value.to_bits() == expected.to_bits() || value.is_nan() && expected.is_nan(),
-                "{compiler}, {}, number {k} of {}: {value}, interpreted {expected}",
+                value.bytes() == expected.bytes() || value.all_ne(value) && expected.all_ne(*expected),
+                "{compiler}, {}, number {k} of {}: {value:?}, interpreted {expected:?}",
                 case.prefix,
                 case.expected.len()
             );
             compared += 1;
-            finite += usize::from(value.is_finite());
+            finite += usize::from(value.all_finite());
         }
     }
     assert!(found.next().is_none(), "{compiler}: more numbers than expected");
@@ -250,7 +290,7 @@ fn scenes_in_c_equal_the_interpreter_bit_for_bit() {
         }
     }
     assert!(scenes.len() >= 10, "{}", scenes.len());
-    compare("c", scenes);
+    compare::<f64>("c", scenes);
 }
 
 #[test]
@@ -273,7 +313,7 @@ fn inputs_are_held_and_have_derivatives() {
         let initial = initial_state(&hamel_tests::models::model(name), &built);
         scenes.push((built, initial));
     }
-    compare("c_inputs", scenes);
+    compare::<f64>("c_inputs", scenes);
 }
 
 /// Stumpff's functions, and a state of first order beside them.
@@ -292,7 +332,7 @@ fn sines_of_what_may_vanish_and_states_of_first_order() {
     }";
     let model = hamel_codegen::spec::parse("soft", text).unwrap_or_else(|e| panic!("{e}"));
     let built = scene::build(&model, "driven").unwrap_or_else(|e| panic!("{e}"));
-    compare("c_stumpff", vec![(built, None)]);
+    compare::<f64>("c_stumpff", vec![(built, None)]);
 }
 
 #[test]
@@ -423,7 +463,7 @@ fn names_that_c_takes_are_renamed() {
     }";
     let model = hamel_codegen::spec::parse("words", text).unwrap_or_else(|e| panic!("{e}"));
     let build = |scene| scene::build(&model, scene).unwrap_or_else(|e| panic!("{e}"));
-    compare("c_words", ["default", "derivatives"].map(|scene| (build(scene), None)).into());
+    compare::<f64>("c_words", ["default", "derivatives"].map(|scene| (build(scene), None)).into());
 }
 
 /// The blocks of a language in the chapter of the book, one after the other.
@@ -502,4 +542,141 @@ fn the_blocks_of_the_book_compile_and_run() {
     let in_cpp: f64 = run(&mut Command::new(folder.join("book_cpp"))).parse().expect("a number");
     // The state is the same, the mass is not.
     assert_eq!(in_cpp, value);
+}
+
+/// The same scenes on `float`, against the interpreter over `f32`.
+#[test]
+fn scenes_in_single_precision_equal_the_interpreter_bit_for_bit() {
+    let scenes = [
+        ("heavy_top", "default"),
+        ("heavy_top", "derivatives"),
+        ("kirchhoff_body", "momenta"),
+        ("two_arm_satellite", "controlled"),
+        ("snakeboard", "controlled"),
+        ("chaplygin_ball", "default"),
+        ("euler_disk", "circle"),
+    ];
+    let built = |(name, scene): (&str, &str)| {
+        let built = build(name, scene);
+        let initial = initial_state(&model(name), &built);
+        (built, initial)
+    };
+    compare::<f32>("c_single", scenes.into_iter().map(built).collect());
+}
+
+/// A state after the step `h` of Runge and Kutta's method, by the operations of the emitted one.
+fn runge_kutta(rates: impl Fn(f64, &[f64]) -> Vec<f64>, t: f64, h: f64, y: &[f64]) -> Vec<f64> {
+    let moved = |by: f64, k: &[f64]| y.iter().zip(k).map(|(y, k)| y + by * k).collect::<Vec<f64>>();
+    let half = 0.5 * h;
+    let a = rates(t, y);
+    let b = rates(t + half, &moved(half, &a));
+    let c = rates(t + half, &moved(half, &b));
+    let d = rates(t + h, &moved(h, &c));
+    (0..y.len()).map(|i| y[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i])).collect()
+}
+
+/// Steps of the C of a scene from its initial state with its own parameters, until one ends the motion: the states, and
+/// what is said then.
+fn steps(compiler: &str, model: &Model, h: f64, n: usize, precision: Precision) -> (Vec<Vec<f64>>, String) {
+    let built = scene::build(model, "default").unwrap_or_else(|e| panic!("{e}"));
+    let initial = initial_state(model, &built);
+    let writing = Writing { precision, ..Writing::default() };
+    let c = built.emit_c(&writing, initial).unwrap_or_else(|e| panic!("{e}"));
+    let name = format!("c_steps_{}_{precision:?}_{compiler}", c.prefix);
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    std::fs::create_dir_all(&folder).expect("a folder for tests");
+    let number = if precision == Precision::Double { "double" } else { "float" };
+    let (prefix, n_state) = (&c.prefix, built.program().state.len());
+    let driver = format!(
+        "#include <stdio.h>\n#include \"{prefix}.h\"\nint main(void) {{\n    \
+             {prefix}_params params = {prefix}_params_default();\n    {prefix}_prepared p;\n    {number} y[{n_state}];\n    \
+             if ({prefix}_prepare(&params, &p) != 0) return 1;\n    {prefix}_initial(y);\n    \
+             for (int k = 0; k < {n}; k++) {{\n        \
+                 int code = {prefix}_step(&p, ({number})(k * {h:?}), ({number}){h:?}, y, y);\n        \
+                 if (code != 0) {{ puts({prefix}_message(code)); break; }}\n        \
+                 for (int i = 0; i < {n_state}; i++) printf(\"%.17g \", (double)y[i]);\n        \
+                 puts(\"\");\n    }}\n    return 0;\n}}\n"
+    );
+    let files = [
+        (format!("{prefix}.h"), &c.header),
+        (format!("{prefix}.c"), &c.source),
+        ("driver.c".into(), &driver),
+    ];
+    for (name, text) in files {
+        std::fs::write(folder.join(name), text).expect("a file for tests");
+    }
+    let mut command = Command::new(compiler);
+    command.current_dir(&folder).args([
+        "-std=c99",
+        "-O1",
+        "-ffp-contract=off",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+    ]);
+    if cfg!(target_feature = "fma") {
+        command.arg("-mfma");
+    }
+    let status = command.args(["driver.c", &format!("{prefix}.c"), "-o", "steps", "-lm"]).status();
+    assert!(status.as_ref().is_ok_and(|s| s.success()), "{compiler} fails: {status:?}");
+    let output = Command::new(folder.join("steps")).output().expect("the program starts");
+    let text = String::from_utf8(output.stdout).expect("text");
+    let (mut states, mut told) = (Vec::new(), String::new());
+    for line in text.lines() {
+        match line.split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>() {
+            Ok(state) => states.push(state),
+            Err(_) => told = line.to_owned(),
+        }
+    }
+    (states, told)
+}
+
+/// A step in C is one of Runge and Kutta's method, bit for bit, and in single precision within its digits.
+#[test]
+fn steps_in_c_are_those_of_runge_and_kutta() {
+    let model = model("heavy_top");
+    let built = build("heavy_top", "default");
+    let params: Vec<f64> = built.params().iter().map(|p| rational_to_f64(&p.default)).collect();
+    let interpreter = built.prepare(&params).unwrap_or_else(|e| panic!("{e}"));
+    let rates = |t: f64, y: &[f64]| {
+        let mut dy = vec![0.0; y.len()];
+        interpreter.rhs(t, y, &mut dy);
+        dy
+    };
+    let mut y = initial_state(&model, &built).expect("an initial state").state;
+    for compiler in compilers() {
+        let start = y.clone();
+        let (states, told) = steps(compiler, &model, 0.01, 200, Precision::Double);
+        let (single, _) = steps(compiler, &model, 0.01, 200, Precision::Single);
+        assert_eq!((states.len(), single.len(), told.as_str()), (200, 200, ""));
+        for (k, (found, single)) in states.iter().zip(&single).enumerate() {
+            y = runge_kutta(rates, k as f64 * 0.01, 0.01, &y);
+            assert_eq!(&y, found, "{compiler}, step {k}");
+            let off = y.iter().zip(single).fold(0.0_f64, |max, (a, b)| max.max((a - b).abs()));
+            assert!(off < 2e-4, "{compiler}, step {k}: {off}");
+        }
+        y = start;
+    }
+}
+
+/// A step over a singular point, out of the domain or to infinity is none, and leaves the state as it is.
+#[test]
+fn a_step_that_ends_the_motion_says_why() {
+    let cases = [
+        // The inertia `1 - x^2` vanishes at `t = pi/4`.
+        ("1/2*(1 - x^2)*x_dot^2", "", 0.05, 15, "passes through zero"),
+        ("1/2*x_dot^2", "in (-1, 0.72)", 0.05, 14, "does not hold"),
+        ("1/2*x_dot^2 + exp(700*x)", "", 0.5, 0, "not finite"),
+    ];
+    for (lagrangian, domain, h, n, why) in cases {
+        let place = if domain.is_empty() { "in real" } else { domain };
+        let text =
+            format!("model ends {{ coordinate x {place}; lagrangian = {lagrangian}; initial x_dot = 1; }}");
+        let model = hamel_codegen::spec::parse("ends", &text).unwrap_or_else(|e| panic!("{e}"));
+        for compiler in compilers() {
+            let (states, told) = steps(compiler, &model, h, 100, Precision::Double);
+            assert!(told.contains(why), "{text}: {told}");
+            assert_eq!(states.len(), n, "{text}: {told}");
+        }
+    }
 }

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use clap::{Args, ValueEnum};
 use hamel_codegen::Config;
-use hamel_codegen::config::{Language, Progress};
+use hamel_codegen::config::{Language, Precision, Progress};
 use hamel_codegen::scene::{self, Scenes};
 
 use crate::output::fmu::{self, archive};
@@ -33,6 +33,7 @@ Examples:
   hamel generate arm.hamel leg.hamel --out-dir src/generated --mod-file mod.rs
   hamel generate heavy_top --scene default --out-dir src
   hamel generate heavy_top --language c --out-dir src               heavy_top.h and heavy_top.c
+  hamel generate heavy_top --language c --precision float --out-dir src
   hamel generate heavy_top --language jax --out-dir src             heavy_top_jax.py
   hamel generate heavy_top --language wasm --out-dir src            for WebAssembly, with JavaScript
   hamel generate heavy_top --language fmu -o heavy_top.fmu          an FMU of FMI 3.0
@@ -51,6 +52,9 @@ pub struct Arguments {
     /// Language of the files
     #[arg(long, value_enum, value_name = "LANGUAGE", default_value_t = Target::Rust)]
     pub language: Target,
+    /// Numbers of C and C++: float for processors that compute with it alone
+    #[arg(long, value_enum, value_name = "PRECISION", default_value_t = Numbers::Double)]
+    pub precision: Numbers,
     /// Scene to generate, of every model; may be repeated [default: all of each model]
     #[arg(long, value_name = "NAME")]
     pub scene: Vec<String>,
@@ -90,6 +94,15 @@ pub enum Target {
     Matlab,
     /// An FMU of FMI 3.0 for model exchange and co-simulation, by the C compiler of this machine
     Fmu,
+}
+
+/// The numbers that a scene is written on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Numbers {
+    /// 64 bits
+    Double,
+    /// 32 bits
+    Float,
 }
 
 impl Target {
@@ -138,6 +151,7 @@ impl Arguments {
         if self.language != Target::Rust {
             words.push(format!("--language {}", self.language.word()));
         }
+        words.extend((self.precision == Numbers::Float).then(|| "--precision float".to_owned()));
         words.extend(self.scene.iter().map(|scene| format!("--scene {scene}")));
         words.extend(self.mod_file.iter().map(|file| format!("--mod-file {file}")));
         words.join(" ")
@@ -173,6 +187,11 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
             format!("are of scenes, and {} is a fluid of matrices: generate it by itself", fluid.name);
         return Err(Error::unusable("--scene and --mod-file", reason));
     }
+    if arguments.precision == Numbers::Float && !matches!(arguments.language, Target::C | Target::Cpp) {
+        let reason = "float is for C and C++: add --language c; a module of Rust computes with f32 as it stands, \
+                      `Prepared<f32>`";
+        return Err(Error::unusable("--precision", reason));
+    }
     if arguments.language != Target::Rust {
         if let Some(fluid) = fluids.first() {
             let reason = "is a fluid of matrices, which hamel-runtime moves: generate it as Rust";
@@ -189,6 +208,10 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     };
     let mut config = Config::new();
     config.out_dir(out_dir).language(arguments.language.language());
+    config.precision(match arguments.precision {
+        Numbers::Double => Precision::Double,
+        Numbers::Float => Precision::Single,
+    });
     for model in models.iter().filter(|_| !arguments.scene.is_empty()) {
         config.scenes(&model.name, arguments.scene.iter());
     }

@@ -361,6 +361,13 @@ pub enum Error {
         /// Which equation is not met, and by how much.
         reason: String,
     },
+    /// A number of a model that single precision does not have.
+    NotSingle {
+        /// The number.
+        number: String,
+        /// What it is in single precision.
+        becomes: &'static str,
+    },
     /// Emitted text does not parse as Rust; a bug of the emitter, never of the model.
     Emission {
         /// The model.
@@ -635,6 +642,10 @@ impl Error {
                 format!("the initial state of {model} violates an equation between coordinates: {reason}"),
                 "give `initial` coordinates for which the equations can be met, or other defaults of the parameters"
                     .into(),
+            ),
+            Error::NotSingle { number, becomes } => (
+                format!("the number {number} is {becomes} in single precision"),
+                "choose other units, or generate it in double precision".into(),
             ),
             Error::Emission { model, reason } => {
                 (format!("code emitted for {model} is not Rust: {reason}"), PLEASE_REPORT.into())

@@ -36,6 +36,7 @@ pub use bundle::{Bundle, write_atomically};
 pub use problems::{Problem, Problems};
 
 pub use crate::scene::Language;
+pub use hamel_program::emit::Precision;
 
 /// Generates the scenes of one model file into `OUT_DIR`, for a build script, and tells cargo to show warnings and to
 /// run the script again when the file changes.
@@ -203,6 +204,22 @@ impl Config {
     /// ```
     pub fn language(&mut self, language: Language) -> &mut Config {
         self.writing.language = language;
+        self
+    }
+
+    /// Precision of the numbers of C and C++, double unless given. A module of Rust computes with `f32` as it stands:
+    /// `Prepared<f32>`.
+    ///
+    /// ```
+    /// use hamel_codegen::{Config, config::{Language, Precision}};
+    ///
+    /// let text = "model spring { coordinate x in real; lagrangian = 1/2*x_dot^2 - 2*x^2; }";
+    /// let model = hamel_codegen::spec::parse("spring.hamel", text).unwrap();
+    /// let bundle = Config::new().language(Language::C).precision(Precision::Single).generate(&[model]).unwrap();
+    /// assert!(bundle.files["spring.h"].contains("void spring_rhs(const spring_prepared *p, float t,"));
+    /// ```
+    pub fn precision(&mut self, precision: Precision) -> &mut Config {
+        self.writing.precision = precision;
         self
     }
 
@@ -423,6 +440,10 @@ impl Config {
         collect(unknown.map(|name| {
             Err::<(), _>(Problem::UnknownModel { name: name.clone(), known: known.clone() }.into())
         }))?;
+        let has_precision = matches!(self.writing.language, Language::C | Language::Cpp);
+        if self.writing.precision != Precision::Double && !has_precision {
+            return Err(Problem::Precision.into());
+        }
         let made = side_by_side(models, |model| {
             note(Progress::Begun { model: &model.name });
             let clock = Instant::now();

@@ -57,6 +57,8 @@ pub enum Problem {
     },
     /// No directory to write to.
     NoOutDir,
+    /// Single precision of another language than C and C++.
+    Precision,
     /// A file that nobody has generated is at the place of one that would be.
     NotGenerated {
         /// The file.
@@ -114,6 +116,10 @@ impl fmt::Display for Problem {
             Problem::Emission { model, source } => write!(f, "{model} could not be emitted: {source}"),
             Problem::NoOutDir => f.write_str(
                 "OUT_DIR is not set: call this from a build script, which cargo sets it for, or give `Config::out_dir`",
+            ),
+            Problem::Precision => f.write_str(
+                "single precision is that of C and C++: generate one of these, or take double precision; a module of \
+                 Rust computes with f32 as it stands, `Prepared<f32>`",
             ),
             Problem::NotGenerated { path } => write!(
                 f,

@@ -11,8 +11,8 @@ use hamel_lang::spec::{EventDirection, Unit, Want};
 use hamel_mechanics::reduction::StageUse;
 use hamel_program::emit::{
     self, CModule, DiscreteText, EventText, FlowText, Fmu, ImplicitText, ImplicitVariableText, InitialText,
-    MatrixText, OutputText, ParamText, PositionsText, ProductText, QuotientText, RanksText, SceneEntry,
-    SceneText, Script, ScriptLanguage, SelfTestText, StateText, UnitText, UnitTexts, WasmModule,
+    MatrixText, OutputText, ParamText, PositionsText, Precision, ProductText, QuotientText, RanksText,
+    SceneEntry, SceneText, Script, ScriptLanguage, SelfTestText, StateText, UnitText, UnitTexts, WasmModule,
 };
 use hamel_program::program::{Jet, Program, Role};
 
@@ -44,6 +44,8 @@ pub struct Writing {
     pub self_test: bool,
     /// The language.
     pub language: Language,
+    /// The numbers of C and C++.
+    pub precision: Precision,
 }
 
 /// The languages in which a scene is written down.
@@ -161,7 +163,7 @@ impl BuiltScene {
     pub fn emit_c(&self, writing: &Writing, initial: Option<Start>) -> Result<CModule, Error> {
         self.within_bytes()?;
         let text = self.text_from(writing, initial);
-        emit::emit_c(&self.program, &text)
+        emit::emit_c(&self.program, &text, writing.precision)
     }
 
     /// The scene as C99, with what an FMU of FMI 3.0 has besides, which begins at `initial`.

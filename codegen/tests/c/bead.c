@@ -310,6 +310,42 @@ int bead_domain(const bead_prepared *p, double t, const double y[2]) {
     return 0;
 }
 
+int bead_step(const bead_prepared *p, double t, double h, const double y[2], double next[2]) {
+    double k1[2], k2[2], k3[2], k4[2], end[2];
+    const double half = 0.5 * h;
+    int code;
+    bead_rhs(p, t, y, k1);
+    for (int i = 0; i < 2; i++) {
+        end[i] = y[i] + half * k1[i];
+    }
+    bead_rhs(p, t + half, end, k2);
+    for (int i = 0; i < 2; i++) {
+        end[i] = y[i] + half * k2[i];
+    }
+    bead_rhs(p, t + half, end, k3);
+    for (int i = 0; i < 2; i++) {
+        end[i] = y[i] + h * k3[i];
+    }
+    bead_rhs(p, t + h, end, k4);
+    for (int i = 0; i < 2; i++) {
+        end[i] = y[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+        if (!isfinite(end[i])) {
+            code = bead_check(p, t, y);
+            return code != 0 ? code : 6;
+        }
+    }
+    code = bead_domain(p, t + h, end);
+    if (code != 0) {
+        return code;
+    }
+    code = bead_check(p, t + h, end);
+    if (code != 0) {
+        return code;
+    }
+    memcpy(next, end, sizeof end);
+    return 0;
+}
+
 const char *const bead_event_names[1] = {
     "stop",
 };
@@ -332,10 +368,11 @@ int bead_event_apply(const bead_prepared *p, int event, double t, double y[2]) {
 }
 
 const char *bead_message(int code) {
-    static const char *const messages[6] = {
+    static const char *const messages[7] = {
     "no error", "m is finite does not hold: Mass [kg].", "g is finite does not hold: Gravity [m/s^2].",
     "m > 0 does not hold", "theta > -3 does not hold: the equations are not defined there",
     "theta < 3 does not hold: the equations are not defined there",
+    "the state is not finite at the end of the step: a shorter step may go on",
 };
-    return code >= 0 && code < 6 ? messages[code] : "no code of bead";
+    return code >= 0 && code < 7 ? messages[code] : "no code of bead";
 }

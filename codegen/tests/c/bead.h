@@ -203,6 +203,13 @@ int bead_check(const bead_prepared *p, double t, const double y[2]);
 /** Returns 0, or the code of the first condition of the coordinates' domain that does not hold. */
 int bead_domain(const bead_prepared *p, double t, const double y[2]);
 
+/**
+ * Makes a step of length h by the method of Runge and Kutta of order four: the state at t + h, which may be written over that at t.
+ *
+ * Returns 0, or the code of what ends the motion there (see bead_message), and writes nothing then. Events are left to the caller.
+ */
+int bead_step(const bead_prepared *p, double t, double h, const double y[2], double next[2]);
+
 /** Number of events. */
 #define BEAD_N_EVENTS 1
 

@@ -55,6 +55,11 @@ public:
         return bead_domain(&p_, t, y.data());
     }
 
+    /// Makes a step of length h, as `bead_step` does: 0, or a code, with `next` as it was.
+    [[nodiscard]] int step(double t, double h, const State &y, State &next) const noexcept {
+        return bead_step(&p_, t, h, y.data(), next.data());
+    }
+
     /// The derivative of the state.
     [[nodiscard]] std::array<double, 2> rhs(double t, const State &y) const noexcept {
         std::array<double, 2> out;

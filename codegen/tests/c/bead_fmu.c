@@ -11,7 +11,7 @@
 #pragma GCC diagnostic ignored "-Wunused-variable"
 #endif
 
-#define FMU_TOKEN "c639882bcf9348325b682187c4d403e2"
+#define FMU_TOKEN "5742f44a360d9e4c670adf1d7a7e61fc"
 enum { FMU_STATE = 2, FMU_PARAMS = 2, FMU_OUTPUTS = 5, FMU_EVENTS = 1 };
 enum { FMU_FIRST_KEPT = 0, FMU_KEPT = 0, FMU_EQUATIONS = 0, FMU_FUNCTIONS = 0 };
 

@@ -21,7 +21,7 @@ use crate::program::{Jet, Program, Role};
 use hamel_expr::error::Error;
 use hamel_expr::parallel::with_own_tokens;
 
-pub use c::{CModule, Fmu};
+pub use c::{CModule, Fmu, Precision};
 pub use rust::{SceneEntry, WasmModule};
 pub use script::{Script, ScriptLanguage};
 pub use text::{
@@ -54,9 +54,9 @@ pub fn emit_scene(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Res
 /// The functions are those of [`emit_scene`] but for Taylor coefficients and for angles as points of circles.
 ///
 /// # Errors
-/// [`Error::ShapeMismatch`] and [`Error::UnknownName`] as [`emit_scene`].
-pub fn emit_c(program: &Program, text: &SceneText) -> Result<CModule, Error> {
-    c::emit(program, text)
+/// [`Error::ShapeMismatch`] and [`Error::UnknownName`] as [`emit_scene`]; [`Error::NotSingle`].
+pub fn emit_c(program: &Program, text: &SceneText, precision: Precision) -> Result<CModule, Error> {
+    c::emit(program, text, precision)
 }
 
 /// Emits a scene as C99, with what an FMU of FMI 3.0 has besides.

@@ -14,7 +14,8 @@ impl Writer<'_> {
     /// The header for C++.
     pub(super) fn cpp(&self) -> String {
         let (prefix, upper) = (&self.prefix, &self.upper);
-        let mut scope = Scope::with(&C, ["System", "State", "Params", "prepare", "make", "message", "p_"]);
+        let mut scope =
+            Scope::with(&C, ["System", "State", "Params", "prepare", "make", "message", "step", "p_"]);
         let mut methods = String::new();
         for Call { title, name, takes, n_results } in &self.calls {
             let method = scope.add(name);
@@ -80,10 +81,18 @@ impl Writer<'_> {
                  /// 0, or the code of the end of a coordinate's domain that was passed.\n    \
                  [[nodiscard]] int domain(double t, const State &y) const noexcept {{\n        \
                      return {prefix}_domain(&p_, t, y.data());\n    }}\n\
-             {methods}\n    /// What the functions of C take.\n    \
+             {step}{methods}\n    /// What the functions of C take.\n    \
                  [[nodiscard]] const {prefix}_prepared *get() const noexcept {{\n        return &p_;\n    }}\n\n\
              private:\n    System() noexcept = default;\n\n    {prefix}_prepared p_;\n}};\n\n}}  // namespace {namespace}\n\n#endif\n",
             first = self.first_line(),
+            step = match self.module.state.len() {
+                0 => String::new(),
+                _ => format!(
+                    "\n    /// Makes a step of length h, as `{prefix}_step` does: 0, or a code, with `next` as it was.\n    \
+                     [[nodiscard]] int step(double t, double h, const State &y, State &next) const noexcept {{\n        \
+                         return {prefix}_step(&p_, t, h, y.data(), next.data());\n    }}\n"
+                ),
+            },
             namespace = legal(C.reserved(), prefix),
             n = length(self.module.state.len()),
         )

@@ -8,6 +8,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
+use super::Precision;
 use super::dependence::{self, Inputs};
 use super::writer::Writer;
 use super::{kernel, trace};
@@ -240,7 +241,7 @@ impl Writer<'_> {
         });
         let told: String = told.chain((n_kept == 0).then(|| "        \"\",\n".to_owned())).collect();
         let tangents = trace::tangents(module.program, &wanted)?;
-        let needed = kernel::functions(&tangents);
+        let needed = kernel::functions(&tangents, Precision::Double);
         Ok(format!(
             "enum {{ FMU_STATE = {n}, FMU_PARAMS = {n_params}, FMU_OUTPUTS = {at}, FMU_EVENTS = {n_events} }};\n\
              enum {{ FMU_FIRST_KEPT = {first_kept}, FMU_KEPT = {n_kept}, \

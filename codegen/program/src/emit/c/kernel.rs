@@ -9,6 +9,7 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 use hamel_runtime::math::kernel::{Angle, BOUND, reduced};
 
+use super::Precision;
 use crate::emit::literal::number;
 
 /// The functions by name.
@@ -171,6 +172,41 @@ static inline double hamel_product_error(double x, double y) {
 }
 ";
 
+/// Before its numbers are those of single precision.
+const ERROR_OF_SINGLE_PRODUCT: &str = "\
+/* x * y less its rounded value: the operations of hamel_runtime's Real::product_error. */
+static inline double hamel_product_error(double x, double y) {
+    const double product = x * y;
+    uint32_t bits[2];
+    double a, c, b, d, sum, term;
+    memcpy(&bits[0], &x, sizeof x);
+    memcpy(&bits[1], &y, sizeof y);
+    bits[0] &= ~UINT32_C(0xfff);
+    bits[1] &= ~UINT32_C(0xfff);
+    memcpy(&a, &bits[0], sizeof a);
+    memcpy(&c, &bits[1], sizeof c);
+    b = x - a;
+    d = y - c;
+    /* One operation a statement: a compiler that fuses those of one expression gets other bits. */
+    sum = a * c;
+    sum = sum - product;
+    term = a * d;
+    sum = sum + term;
+    term = b * c;
+    sum = sum + term;
+    term = b * d;
+    return sum + term;
+}
+";
+
+/// Before its numbers are those of single precision.
+const SINGLE_SINE_AND_COSINE: &str = "\
+static inline void hamel_sin_cos(double x, double *sine, double *cosine) {
+    *sine = sin(x);
+    *cosine = cos(x);
+}
+";
+
 const ERROR_OF_CIRCLE: &str = "\
 /* (1 - sine^2 - cosine^2)/2: the operations of hamel_runtime's Real::circle_error. */
 static inline double hamel_circle_error(double sine, double cosine) {
@@ -286,8 +322,9 @@ static void hamel_add_products(const uint16_t (*places)[3], const uint32_t *ends
 }
 ";
 
-/// The functions that a text calls, with those that they call.
-pub(super) fn functions(text: &str) -> String {
+/// The functions that a text on `double` calls, with those that they call, for a module of some precision.
+pub(super) fn functions(text: &str, precision: Precision) -> String {
+    let is_single = precision == Precision::Single;
     let calls = |text: &str, name: &str| text.contains(&format!("{name}("));
     let mut functions: Vec<String> = Vec::new();
     let stumpff = calls(text, STUMPFF);
@@ -299,10 +336,11 @@ pub(super) fn functions(text: &str) -> String {
     }
     let circle = calls(text, CIRCLE_ERROR);
     functions.extend((circle || calls(text, SUM_ERROR)).then(|| ERROR_OF_SUM.to_owned()));
-    functions.extend((circle || calls(text, PRODUCT_ERROR)).then(|| ERROR_OF_PRODUCT.to_owned()));
+    let of_product = if is_single { ERROR_OF_SINGLE_PRODUCT } else { ERROR_OF_PRODUCT };
+    functions.extend((circle || calls(text, PRODUCT_ERROR)).then(|| of_product.to_owned()));
     functions.extend(circle.then(|| ERROR_OF_CIRCLE.to_owned()));
     if pair {
-        functions.push(sin_cos());
+        functions.push(if is_single { SINGLE_SINE_AND_COSINE.to_owned() } else { sin_cos() });
     }
     functions.extend(sine.then(|| SINE.to_owned()));
     functions.extend(cosine.then(|| COSINE.to_owned()));

@@ -1,7 +1,8 @@
 //! The C back end: a header and a source of C99 for one scene, and what others want besides.
 //!
 //! `notation` spells expressions, `text` has small pieces, `kernel` what expressions call, `writer`
-//! what all items share. `data` writes structures, names and numbers, `functions` what is computed at a point, `loops`
+//! what all items share. `data` writes structures, names and numbers, `functions` what is computed at a point, `step` a step in time, `single`
+//! all of it in single precision, `loops`
 //! sums over tables, `inputs` what moves a system from outside, `guards` what says where the equations end, `events`
 //! what events do; `cpp` the header for C++, `casadi` the source for CasADi, `fmu` what an FMU has besides, with
 //! `trace` (derivatives along a direction) and `dependence` (what a result is computed from). Deliberately does not
@@ -20,6 +21,8 @@ mod kernel;
 
 mod loops;
 mod notation;
+mod single;
+mod step;
 mod text;
 mod trace;
 mod writer;
@@ -32,6 +35,16 @@ use super::module::Module;
 use super::text::SceneText;
 use crate::program::Program;
 use hamel_expr::error::Error;
+
+/// The numbers of C and C++.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Precision {
+    /// `double`.
+    #[default]
+    Double,
+    /// `float`, for processors that compute with it alone: the operations of a module of Rust over `f32`.
+    Single,
+}
 
 /// The C of a scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,9 +62,20 @@ pub struct CModule {
 }
 
 /// The C of a scene as text.
-pub(super) fn emit(program: &Program, text: &SceneText) -> Result<CModule, Error> {
+pub(super) fn emit(program: &Program, text: &SceneText, precision: Precision) -> Result<CModule, Error> {
     let module = Module::new(&C, program, None, text)?;
-    Ok(written(&module)?.finish())
+    let mut writer = written(&module)?;
+    writer.precision = precision;
+    let made = writer.finish();
+    Ok(match precision {
+        Precision::Double => made,
+        Precision::Single => CModule {
+            header: single::text(&made.header)?,
+            source: single::text(&made.source)?,
+            cpp: single::text(&made.cpp)?,
+            ..made
+        },
+    })
 }
 
 /// The C of a scene, and what an FMU has besides.
@@ -76,6 +100,7 @@ fn written<'a>(module: &'a Module<'a>) -> Result<Writer<'a>, Error> {
     writer.quotient();
     writer.pivots();
     writer.domain();
+    writer.step();
     writer.events()?;
     writer.messages();
     Ok(writer)
@@ -85,13 +110,13 @@ impl Writer<'_> {
     /// The texts.
     fn finish(self) -> CModule {
         let (first, cpp, casadi) = (self.first_line(), self.cpp(), self.casadi());
-        let Writer { prefix, upper, header, source, .. } = self;
+        let Writer { prefix, upper, header, source, precision, .. } = self;
         let guard = format!("{upper}_H");
         let header = format!(
             "{first}#ifndef {guard}\n#define {guard}\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n\
              {header}#ifdef __cplusplus\n}}\n#endif\n\n#endif\n"
         );
-        let needed = kernel::functions(&source);
+        let needed = kernel::functions(&source, precision);
         let space = if needed.is_empty() { "" } else { "\n" };
         let source = format!(
             "{first}#include \"{prefix}.h\"\n\n#include <math.h>\n#include <stdint.h>\n#include <string.h>\n\n\

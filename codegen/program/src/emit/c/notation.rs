@@ -269,6 +269,7 @@ impl Dialect for C {
             "initial",
             "rhs",
             "rhs_with",
+            "step",
             "hold_inputs",
             "input_names",
             "input_docs",

@@ -2,6 +2,7 @@
 //!
 //! Deliberately does not know: which items there are.
 
+use super::Precision;
 use super::notation::C;
 use super::text;
 use crate::emit::dialect::Dialect as _;
@@ -54,6 +55,7 @@ pub(super) struct Writer<'a> {
     pub(super) messages: Vec<String>,
     /// The functions of a point.
     pub(super) calls: Vec<Call>,
+    pub(super) precision: Precision,
 }
 
 impl<'a> Writer<'a> {
@@ -85,6 +87,7 @@ impl<'a> Writer<'a> {
             source: String::new(),
             messages: vec!["no error".to_owned()],
             calls: Vec::new(),
+            precision: Precision::Double,
         }
     }
 
