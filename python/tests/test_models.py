@@ -187,9 +187,9 @@ def test_files_of_a_scene_are_those_of_the_command(tmp_path):
     with pytest.raises(pyhamel.InputError, match="no language `fortran`"):
         top.generate("fortran")
     assert "float t" in top.generate("c", precision="float")["heavy_top.h"]
-    with pytest.raises(InputError, match="that of C and C"):
+    with pytest.raises(pyhamel.InputError, match="that of C and C"):
         top.generate("jax", precision="float")
-    with pytest.raises(InputError, match="precision"):
+    with pytest.raises(pyhamel.InputError, match="precision"):
         top.generate("c", precision="half")
     with pytest.raises(pyhamel.FileError, match="nowhere"):
         top.generate("c", tmp_path / "nowhere")

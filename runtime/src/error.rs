@@ -22,8 +22,8 @@ pub enum Failure {
         /// The pivot, in the words of the model.
         pivot: &'static str,
     },
-    /// Constraints that the motion keeps independent depend on each other on the way between two states: it may go on in
-    /// more than one way there.
+    /// Constraints that the motion keeps independent depend on each other on the way between two states: it may go on
+    /// in more than one way there.
     RankLost {
         /// Time of the state after it, which is not accepted.
         t: f64,

@@ -1,8 +1,9 @@
-//! Whether constraints, which a motion keeps independent, become dependent on the way of a step: the motion may go on in
-//! more than one way there.
+//! Whether constraints, which a motion keeps independent, become dependent on the way of a step: the motion may go on
+//! in more than one way there.
 //!
-//! Rows that go through such a place are turned round: made orthonormal one after the other, as many of them as are lost
-//! have the opposite direction behind it. A factor that all entries of a row share turns it round and loses nothing.
+//! Rows that go through such a place are turned round: made orthonormal one after the other, as many of them as are
+//! lost have the opposite direction behind it. A factor that all entries of a row share turns it round and loses
+//! nothing.
 //!
 //! The module deliberately does not know what constrains the system, or who makes the steps.
 
@@ -301,7 +302,7 @@ fn are_turned<V: StateVector<R>, R: Real, Q: Clone + AsRef<[V]> + AsMut<[V]>>(a:
     !volume.all_gt(R::from_f64(TURNED))
 }
 
-/// Makes rows orthogonal to those before them and of length one, and leaves those that are zero, as where a mode is
+/// Makes rows orthogonal to those before them and of length one, and leaves rows of zeros, as where a mode is
 /// off; gives the least part of a row that those before it do not have.
 ///
 /// # Source

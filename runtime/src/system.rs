@@ -196,9 +196,9 @@ pub trait System<R: Real> {
     /// Whether constraints that a motion keeps independent stay so on the way from one state, with its time, to another
     /// one: where they lose their rank, the motion may go on in more than one way.
     ///
-    /// The integrators ask at every state that they would accept, from the one before, so that it is to be cheap. A step
-    /// over such a place is tried again shorter, or ends the integration with fixed steps. [`keeps_rank`] answers for
-    /// systems whose rows are known.
+    /// The integrators ask at every state that they would accept, from the one before, so that it is to be cheap. A
+    /// step over such a place is tried again shorter, or ends the integration with fixed steps. [`keeps_rank`] answers
+    /// for systems whose rows are known.
     ///
     /// [`keeps_rank`]: crate::keeps_rank
     #[inline]

@@ -576,7 +576,7 @@ fn runge_kutta(rates: impl Fn(f64, &[f64]) -> Vec<f64>, t: f64, h: f64, y: &[f64
 }
 
 /// Steps of the C of a scene from its initial state with its own parameters, until one ends the motion: the states, and
-/// what is said then.
+/// the message then.
 fn steps(compiler: &str, model: &Model, h: f64, n: usize, precision: Precision) -> (Vec<Vec<f64>>, String) {
     let built = scene::build(model, "default").unwrap_or_else(|e| panic!("{e}"));
     let initial = initial_state(model, &built);

@@ -30,12 +30,12 @@ pub(super) struct RankLayout {
 /// The rows that a motion may lose.
 pub(super) struct Found {
     pub(super) layout: RankLayout,
-    /// What has them, unless they are gradients of the equations between coordinates.
+    /// The gradients with them, unless they belong to the equations between coordinates.
     pub(super) constraints: Option<WithGradients>,
 }
 
-/// The gradients of residuals by velocities, `d(residual_i)/dv_j`, or where the state violates no constraint, those of
-/// the equations between coordinates. None where the equations of motion divide by nothing that may vanish, or the rows
+/// The gradients of residuals by velocities, `d(residual_i)/dv_j`, or where the state violates no constraint, by the
+/// equations between coordinates. None where the equations of motion divide by nothing that may vanish, or the rows
 /// are proved to stay independent.
 ///
 /// # Errors
@@ -48,7 +48,7 @@ pub(super) fn find(
     if equations.pivots.is_empty() {
         return Ok(None);
     }
-    // What is not used leaves nothing behind, and code as it is.
+    // Rows that are not used leave nothing behind, and code as it is.
     let mut g = graph.clone();
     let of_constraints = of_constraints(&mut g, equations, state);
     g.within_budget()?;

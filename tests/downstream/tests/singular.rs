@@ -1,5 +1,5 @@
-//! Motions that end at singular points, in compiled code: the inertia `1 - x^2` vanishes at `t = pi/4`, and the cranks of
-//! a linkage lie flat.
+//! Motions that end at singular points, in compiled code: the inertia `1 - x^2` vanishes at `t = pi/4`, and the cranks
+//! of a linkage lie flat.
 
 use hamel_downstream::models::thinning::{Prepared, State};
 use hamel_downstream::models::{windows, windows_bare};

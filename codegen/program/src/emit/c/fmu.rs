@@ -8,8 +8,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-use super::Precision;
 use super::dependence::{self, Inputs};
+use super::single::Precision;
 use super::writer::Writer;
 use super::{kernel, trace};
 use crate::emit::module::OutputRoutine;

@@ -9,7 +9,7 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 use hamel_runtime::math::kernel::{Angle, BOUND, reduced};
 
-use super::Precision;
+use super::single::Precision;
 use crate::emit::literal::number;
 
 /// The functions by name.
@@ -172,7 +172,7 @@ static inline double hamel_product_error(double x, double y) {
 }
 ";
 
-/// Before its numbers are those of single precision.
+/// On `double`, as `single` takes it.
 const ERROR_OF_SINGLE_PRODUCT: &str = "\
 /* x * y less its rounded value: the operations of hamel_runtime's Real::product_error. */
 static inline double hamel_product_error(double x, double y) {
@@ -199,7 +199,7 @@ static inline double hamel_product_error(double x, double y) {
 }
 ";
 
-/// Before its numbers are those of single precision.
+/// On `double`, as `single` takes it.
 const SINGLE_SINE_AND_COSINE: &str = "\
 static inline void hamel_sin_cos(double x, double *sine, double *cosine) {
     *sine = sin(x);
@@ -322,7 +322,7 @@ static void hamel_add_products(const uint16_t (*places)[3], const uint32_t *ends
 }
 ";
 
-/// The functions that a text on `double` calls, with those that they call, for a module of some precision.
+/// The functions that a text on `double` calls, with what they call, for a module of some precision.
 pub(super) fn functions(text: &str, precision: Precision) -> String {
     let is_single = precision == Precision::Single;
     let calls = |text: &str, name: &str| text.contains(&format!("{name}("));

@@ -1,8 +1,8 @@
 //! The C back end: a header and a source of C99 for one scene, and what others want besides.
 //!
 //! `notation` spells expressions, `text` has small pieces, `kernel` what expressions call, `writer`
-//! what all items share. `data` writes structures, names and numbers, `functions` what is computed at a point, `step` a step in time, `single`
-//! all of it in single precision, `loops`
+//! what all items share. `data` writes structures, names and numbers, `functions` what is computed at a point, `step` a
+//! step in time, `single` all of it in single precision, `loops`
 //! sums over tables, `inputs` what moves a system from outside, `guards` what says where the equations end, `events`
 //! what events do; `cpp` the header for C++, `casadi` the source for CasADi, `fmu` what an FMU has besides, with
 //! `trace` (derivatives along a direction) and `dependence` (what a result is computed from). Deliberately does not
@@ -28,6 +28,7 @@ mod trace;
 mod writer;
 
 pub use fmu::Fmu;
+pub use single::Precision;
 
 use self::notation::C;
 use self::writer::Writer;
@@ -35,16 +36,6 @@ use super::module::Module;
 use super::text::SceneText;
 use crate::program::Program;
 use hamel_expr::error::Error;
-
-/// The numbers of C and C++.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Precision {
-    /// `double`.
-    #[default]
-    Double,
-    /// `float`, for processors that compute with it alone: the operations of a module of Rust over `f32`.
-    Single,
-}
 
 /// The C of a scene.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -4,6 +4,16 @@
 
 use hamel_expr::error::Error;
 
+/// The numbers of C and C++.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Precision {
+    /// `double`.
+    #[default]
+    Double,
+    /// `float`, for processors that compute with it alone: the operations of a module of Rust over `f32`.
+    Single,
+}
+
 /// Functions of `math.h` that have a sister for `float`, whose name ends in `f`.
 const FUNCTIONS: [&str; 16] = [
     "sqrt", "fma", "fabs", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sinh",

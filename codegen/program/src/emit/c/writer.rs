@@ -2,8 +2,8 @@
 //!
 //! Deliberately does not know: which items there are.
 
-use super::Precision;
 use super::notation::C;
+use super::single::Precision;
 use super::text;
 use crate::emit::dialect::Dialect as _;
 use crate::emit::module::Module;
