@@ -51,7 +51,7 @@ def test_names_that_do_not_exist_are_refused(top):
         top.simulate(1.0, START, method="rk4")
     with pytest.raises(pyhamel.InputError, match="step"):
         top.simulate(1.0, START, step=0.1)
-    with pytest.raises(pyhamel.InputError, match="sections"):
+    with pytest.raises(pyhamel.InputError, match="events unknown name"):
         top.simulate(1.0, START, events=["Omega9"])
 
 
@@ -221,3 +221,22 @@ def test_scipy_integrates_a_model(top):
         np.testing.assert_allclose(found.y[:, -1], top.simulate(1.0, y0).y_end, atol=1e-6)
     vectorised = integrate.solve_ivp(lambda t, y: top(t, y.T).T, (0, 1.0), y0, method="BDF", vectorized=True)
     assert vectorised.success
+
+
+def test_mistakes_are_told_in_words_of_python(top, tmp_path):
+    wire = pyhamel.load(
+        "model wire { coordinate x, y in real; lagrangian = (x_dot^2 + y_dot^2)/2; constraint x^2 + y^2 = 1; multipliers; "
+        "initial x = 1; initial y = 0; initial y_dot = 1; }"
+    )
+    runs = str(tmp_path / "runs.zarr")
+    top.ensemble(0.1, params={"m": [1.0, 2.0]}, out=runs)
+    for call, words in [
+        (lambda: wire.simulate(1.0, {"x": 1.0, "y": 0.0, "x_dot": 1.0}), r"another state with y0=\{name: value\}"),
+        (lambda: top.simulate(1.0, START, events=["Omega9"]), "^events"),
+        (lambda: top.ensemble(1.0, params={"m": [1.0, 2.0]}, threads=5000), "^threads is 5000"),
+        (lambda: top.ensemble(0.1, params={"m": [1.0, 2.0]}, out=runs), "give resume=True to go on with it"),
+        (lambda: top.ensemble(0.1, params={"m": [1.0, 2.0]}, out=str(tmp_path / "x.foo")), "or, with statistics, in"),
+    ]:
+        with pytest.raises(pyhamel.InputError, match=words) as caught:
+            call()
+        assert "--" not in str(caught.value)
