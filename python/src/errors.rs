@@ -25,8 +25,8 @@ fn problems(all: &[Diagnostics]) -> Vec<Problem> {
             place.map(|(line, _)| line),
             place.map(|(_, column)| column),
             severity,
-            in_arguments(&problem.message),
-            problem.help.as_deref().map(in_arguments),
+            problem.message.clone(),
+            problem.help.clone(),
         )
     })
     .collect()
@@ -43,7 +43,10 @@ pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
         let classes = py.import("pyhamel._errors")?;
         let text = in_arguments(&error.to_string());
         let made = match error {
-            Error::Models { problems: all } => classes.getattr("ModelError")?.call1((text, problems(all)))?,
+            // Models have the messages of the command.
+            Error::Models { problems: all } => {
+                classes.getattr("ModelError")?.call1((error.to_string(), problems(all)))?
+            }
             Error::Misnamed { .. } => classes.getattr("ModelError")?.call1((text, Vec::<Problem>::new()))?,
             Error::Stopped { t, state, .. } => {
                 classes.getattr("IntegrationError")?.call1((text, *t, by_name(state)?))?
@@ -65,7 +68,6 @@ pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
 const PHRASES: &[(&str, &str)] = &[
     ("--columns NAME=HEADER,..", "columns={name: header}"),
     ("--initial name=value ..", "y0={name: value}"),
-    ("`--budget 4` of the command line, `Config::budget` of a build script", "`budget=4`"),
     ("the files of --language c", "the files of `generate(\"c\")`"),
 ];
 

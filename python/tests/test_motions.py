@@ -240,3 +240,34 @@ def test_mistakes_are_told_in_words_of_python(top, tmp_path):
         with pytest.raises(pyhamel.InputError, match=words) as caught:
             call()
         assert "--" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "mistake, words",
+    [
+        (dict(max_steps=-1), "max_steps is -1, but has to be a whole number, 0 or more"),
+        (dict(max_events=1.5), "max_events is 1.5, but has to be a whole number"),
+        (dict(noise_seed=-1), "noise_seed is -1"),
+        (dict(noise_path=2**40), "noise_path is 1099511627776, but has to be a whole number, from 0 to 4294967295"),
+        (dict(step="0.1"), "step is '0.1', but has to be a number"),
+        (dict(rtol=None, atol=[1.0, 2.0]), r"atol is \[1.0, 2.0\], but has to be a number"),
+        (dict(method=3), "method is 3, but has to be the name of one"),
+        (dict(events="Omega1"), "events is the text 'Omega1': give a list of texts"),
+        (dict(sensitivity="m"), "sensitivity is the text 'm': give a list of texts"),
+    ],
+)
+def test_arguments_of_another_kind_are_told_by_their_names(top, mistake, words):
+    with pytest.raises(pyhamel.InputError, match=words):
+        top.simulate(1.0, START, **mistake)
+
+
+def test_arguments_of_ensembles_and_models_are_told_by_their_names(top):
+    for mistake, words in [
+        (dict(threads=-1), "threads is -1"),
+        (dict(samples=-1), "samples is -1"),
+        (dict(max_steps="many"), "max_steps is 'many'"),
+    ]:
+        with pytest.raises(pyhamel.InputError, match=words):
+            top.ensemble(1.0, params={"m": [1.0, 2.0]}, **mistake)
+    with pytest.raises(pyhamel.InputError, match="budget is 0, but has to be a whole number, 1 or more"):
+        pyhamel.load("heavy_top", budget=0)
