@@ -239,3 +239,32 @@ fn functions_that_do_not_keep_a_group_are_found() {
         assert!(told.contains("Q_form_1_2"), "{told}");
     }
 }
+
+/// The state has the velocities of two coordinates; the model gives one of them and the one that follows.
+const SKATE: &str = "model skate {
+    param w = 0.5;
+    coordinate x, y in real;
+    coordinate a in angle;
+    lagrangian = (x_dot^2 + y_dot^2 + a_dot^2)/2;
+    constraint cos(a)*y_dot = sin(a)*x_dot + w*a_dot;
+    initial x = 0; initial y = 0; initial a = 0.3; initial x_dot = 1; initial a_dot = 0.7; initial y_dot = 0.2;
+}";
+
+#[test]
+fn a_velocity_that_the_state_has_not_is_told_where_it_is_another_one() {
+    let (names, start) = started(SKATE, "default");
+    let of =
+        |name: &str| start.state[names.iter().position(|n| n == name).unwrap_or_else(|| panic!("{name}"))];
+    assert!(!names.iter().any(|n| n == "a_dot"), "{names:?}");
+    let follows = (of("a").cos() * of("y_dot") - of("a").sin() * of("x_dot")) / 0.5;
+    let [scene::Told::Moved { name, from, to }] = start.told.as_slice() else { panic!("{:?}", start.told) };
+    assert_eq!((name.as_str(), *from), ("a_dot", 0.7));
+    assert!((to - follows).abs() < 1e-12 && (to - from).abs() > 0.1, "{to} beside {follows}");
+    // Nothing is told where the model gives the velocity that follows.
+    let there = SKATE.replace("initial y_dot = 0.2;", "initial y_dot = (sin(0.3) + w*0.7)/cos(0.3);");
+    assert_eq!(started(&there, "default").1.told, []);
+    // On circles, too.
+    let circle = SKATE.replace("initial a = 0.3;", "initial a = 0.3; scene round { circle a; want rhs; }");
+    let told = started(&circle, "round").1.told;
+    assert!(matches!(told.as_slice(), [scene::Told::Moved { name, .. }] if name == "a_dot"), "{told:?}");
+}

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _equilibria, _hamel
+from ._arguments import U32, names, number, whole
 from ._equilibria import Equilibrium, Family
 from ._errors import FileError, InputError, ModelWarning
 from ._fit import Fit, Interval, fitted
@@ -87,7 +88,9 @@ def import_robot(
     Raises :class:`ModelError` with every problem of the file and its place, :class:`InputError` for other limits,
     :class:`FileError`. Warns of contents that the model lacks, each kind once, as :class:`ModelWarning`.
     """
-    text, notes = _hamel.import_robot(os.fspath(path), floating, limits, list(lock), list(frames), bodies)
+    text, notes = _hamel.import_robot(
+        os.fspath(path), floating, limits, names("lock", lock), names("frames", frames), bodies
+    )
     if notes:
         warnings.warn(notes, ModelWarning, stacklevel=2)
     return text
@@ -105,7 +108,7 @@ def _loaded(
     warn: bool = False,
 ) -> Model:
     native = _hamel.Scene.load(
-        name, text, scene, budget, _hamel.__file__ if cache else None, list((sizes or {}).items())
+        name, text, scene, whole("budget", budget, least=1), _hamel.__file__ if cache else None, list((sizes or {}).items())
     )
     if warn and native.warnings:
         warnings.warn(native.warnings, ModelWarning, stacklevel=3)
@@ -700,13 +703,14 @@ class Model:
                 samples=samples, events=events, sensitivity=sensitivity, outputs=outputs, max_steps=max_steps,
                 max_events=max_events, noise_seed=noise_seed, noise_path=noise_path, noise_step=noise_step,
             )  # fmt: skip
-        if samples is None:
-            samples = 201 if step is None else _hamel.default_samples(self._native, _times(t, 1)[0], step)
-        t_final, times = _times(t, samples)
         options = _options(method, rtol, atol, step, max_step, max_steps, (noise_seed, noise_path, noise_step))
+        if samples is None:
+            samples = 201 if step is None else _hamel.default_samples(self._native, _times(t, 1)[0], options["step"])
+        t_final, times = _times(t, samples)
         native = _hamel.simulate(
-            self._native, self._by_name(y0), t_final, times, options, list(events), list(sensitivity), max_events, outputs
-        )
+            self._native, self._by_name(y0), t_final, times, options, names("events", events),
+            names("sensitivity", sensitivity), None if max_events is None else whole("max_events", max_events), outputs,
+        )  # fmt: skip
         for text in native.warnings:
             warnings.warn(text, RuntimeWarning, stacklevel=2)
         return Motion(self, native)
@@ -873,15 +877,17 @@ class Model:
         for k, column in enumerate(columns.values()):
             values[:, k] = column
         options = _options(method, rtol, atol, step, max_step, max_steps, (noise_seed, noise_path, noise_step))
+        samples = whole("samples", samples)
+        threads = None if threads is None else whole("threads", threads)
         if out is not None:
             return _hamel.write_ensemble(
-                self._native, list(columns), values, float(t), int(samples), options, int(lanes), threads,
-                os.fspath(out), resume, part, list(statistics), [float(q) for q in quantiles], int(bins),
+                self._native, list(columns), values, float(t), samples, options, int(lanes), threads,
+                os.fspath(out), resume, part, names("statistics", statistics), [float(q) for q in quantiles], int(bins),
             )  # fmt: skip
         if part is not None or resume or statistics:
             raise InputError("part, resume and statistics are of what is written: give out, such as \"runs.zarr\"")
         found = _hamel.ensemble(
-            self._native, list(columns), values, float(t), int(samples), options, int(lanes), threads
+            self._native, list(columns), values, float(t), samples, options, int(lanes), threads
         )
         return Ensemble(self, found)
 
@@ -1251,10 +1257,20 @@ def _options(
     max_steps: int | None,
     noise: tuple[int, int, float | None] = (0, 0, None),
 ) -> dict[str, Any]:
+    if method is not None and not isinstance(method, str):
+        raise InputError(f"method is {method!r}, but has to be the name of one")
+    sizes = {"rtol": rtol, "atol": atol, "step": step, "max_step": max_step}
+    seed, path, noise_step = noise
     return {
-        "method": method, "rtol": rtol, "atol": atol, "step": step, "max_step": max_step, "max_steps": max_steps,
-        "noise": noise,
-    }  # fmt: skip
+        **{name: None if size is None else number(name, size) for name, size in sizes.items()},
+        "method": method,
+        "max_steps": None if max_steps is None else whole("max_steps", max_steps),
+        "noise": (
+            whole("noise_seed", seed),
+            whole("noise_path", path, most=U32),
+            None if noise_step is None else number("noise_step", noise_step),
+        ),
+    }
 
 
 def _kept_values(keep: Sequence[str] | Mapping[str, float]) -> list[tuple[str, float | None]]:

@@ -1,4 +1,5 @@
-//! Errors of the library as exceptions of the package, with the text that the command prints.
+//! Errors of the library as exceptions of the package, with the text that the command prints: arguments of Python
+//! stand in the place of options.
 //!
 //! Deliberately does not know: where an error comes from.
 
@@ -31,13 +32,8 @@ fn problems(all: &[Diagnostics]) -> Vec<Problem> {
     .collect()
 }
 
-/// The exception of an error.
+/// The exception of an error, in words of Python.
 pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
-    exception_in_arguments(py, error, &[])
-}
-
-/// The exception of an error, with the arguments of Python in the place of options of the command.
-pub(crate) fn exception_in_arguments(py: Python<'_>, error: &Error, arguments: &[(&str, &str)]) -> PyErr {
     let by_name = |values: &[(String, f64)]| -> PyResult<Bound<'_, PyDict>> {
         let found = PyDict::new(py);
         values.iter().try_for_each(|(name, value)| found.set_item(name, value))?;
@@ -45,9 +41,12 @@ pub(crate) fn exception_in_arguments(py: Python<'_>, error: &Error, arguments: &
     };
     let raised = || -> PyResult<PyErr> {
         let classes = py.import("pyhamel._errors")?;
-        let text = in_arguments(error.to_string(), arguments);
+        let text = in_arguments(&error.to_string());
         let made = match error {
-            Error::Models { problems: all } => classes.getattr("ModelError")?.call1((text, problems(all)))?,
+            // Models have the messages of the command.
+            Error::Models { problems: all } => {
+                classes.getattr("ModelError")?.call1((error.to_string(), problems(all)))?
+            }
             Error::Misnamed { .. } => classes.getattr("ModelError")?.call1((text, Vec::<Problem>::new()))?,
             Error::Stopped { t, state, .. } => {
                 classes.getattr("IntegrationError")?.call1((text, *t, by_name(state)?))?
@@ -65,9 +64,56 @@ pub(crate) fn exception_in_arguments(py: Python<'_>, error: &Error, arguments: &
     raised().unwrap_or_else(|failure| failure)
 }
 
-/// A text with the arguments of Python in the place of options of the command.
-pub(crate) fn in_arguments(text: String, arguments: &[(&str, &str)]) -> String {
-    arguments.iter().fold(text, |text, (option, argument)| text.replace(option, argument))
+/// Words of the command that stand for more than an option, and words of Python.
+const PHRASES: &[(&str, &str)] = &[
+    ("--columns NAME=HEADER,..", "columns={name: header}"),
+    ("--initial name=value ..", "y0={name: value}"),
+    ("the files of --language c", "the files of `generate(\"c\")`"),
+];
+
+/// Options of the command, and the arguments that have their place.
+const ARGUMENTS: &[(&str, &str)] = &[
+    ("--at", "y"),
+    ("--bounds", "bounds"),
+    ("--columns", "columns"),
+    ("--free", "unknowns"),
+    ("--hold", "inputs"),
+    ("--initial", "y0"),
+    ("--input", "inputs"),
+    ("--interpolation", "interpolation"),
+    ("--log", "log"),
+    ("--method", "method"),
+    ("--prior", "prior"),
+    ("--resume", "resume=True"),
+    ("--samples", "samples"),
+    ("--scene", "scene"),
+    ("--section", "events"),
+    ("--segments", "segments"),
+    ("--sensitivity", "sensitivity"),
+    ("--set", "params"),
+    ("--sigma", "sigma"),
+    ("--statistics", "statistics"),
+    ("--step", "step"),
+    ("--t0", "t0"),
+    ("--threads", "threads"),
+    ("--time", "time"),
+];
+
+/// A text with the arguments of Python in the place of options of the command; an option without an argument stays.
+pub(crate) fn in_arguments(text: &str) -> String {
+    let text = PHRASES.iter().fold(text.to_owned(), |text, (words, argument)| text.replace(words, argument));
+    let mut parts = text.split("--");
+    let mut said = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let end = part.find(|c: char| !c.is_ascii_alphanumeric() && c != '-').unwrap_or(part.len());
+        let (name, rest) = part.split_at(end);
+        match ARGUMENTS.iter().find(|(option, _)| option.strip_prefix("--") == Some(name)) {
+            Some((_, argument)) => said.push_str(argument),
+            None => said.extend(["--", name]),
+        }
+        said.push_str(rest);
+    }
+    said
 }
 
 /// Results with exceptions.

@@ -18,7 +18,7 @@ use numpy::ndarray::Array2;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
-use crate::errors::{OrRaise as _, exception, exception_in_arguments, in_arguments};
+use crate::errors::{OrRaise as _, exception, in_arguments};
 use crate::interrupts::Interrupts;
 use crate::motion::Options;
 use crate::scene::Scene;
@@ -134,25 +134,9 @@ pub(crate) fn fit(
     };
     let made = py.detach(run);
     interrupts.raised()?;
-    let found = made.map_err(|error| exception_in_arguments(py, &error, ARGUMENTS))?;
+    let found = made.or_raise(py)?;
     Ok(Fit { model: Arc::clone(&scene.model), info: scene.info().clone(), found })
 }
-
-/// Options of the command, and the arguments that have their place.
-const ARGUMENTS: &[(&str, &str)] = &[
-    ("--bounds", "bounds"),
-    ("--columns NAME=HEADER,..", "columns={name: header}"),
-    ("--columns", "columns"),
-    ("--free", "unknowns"),
-    ("--initial", "y0"),
-    ("--prior", "prior"),
-    ("--scene", "scene"),
-    ("--segments", "segments"),
-    ("--set", "params"),
-    ("--sigma", "sigma"),
-    ("--t0", "t0"),
-    ("--time", "time"),
-];
 
 #[pymethods]
 impl Fit {
@@ -164,7 +148,7 @@ impl Fit {
     /// What the residuals say, in words.
     #[getter]
     fn verdict(&self) -> String {
-        in_arguments(self.found.response.verdict.text(), ARGUMENTS)
+        in_arguments(&self.found.response.verdict.text())
     }
 
     /// Columns that were in another unit, in words.

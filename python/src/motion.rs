@@ -40,7 +40,7 @@ use crate::scene::Scene;
 const ARGUMENTS: Words = Words {
     set: "params",
     initial: "y0",
-    sections: "sections",
+    sections: "events",
     along: "sensitivity",
     samples: "t",
     step: "step",

@@ -51,7 +51,7 @@ def test_names_that_do_not_exist_are_refused(top):
         top.simulate(1.0, START, method="rk4")
     with pytest.raises(pyhamel.InputError, match="step"):
         top.simulate(1.0, START, step=0.1)
-    with pytest.raises(pyhamel.InputError, match="sections"):
+    with pytest.raises(pyhamel.InputError, match="events unknown name"):
         top.simulate(1.0, START, events=["Omega9"])
 
 
@@ -221,3 +221,53 @@ def test_scipy_integrates_a_model(top):
         np.testing.assert_allclose(found.y[:, -1], top.simulate(1.0, y0).y_end, atol=1e-6)
     vectorised = integrate.solve_ivp(lambda t, y: top(t, y.T).T, (0, 1.0), y0, method="BDF", vectorized=True)
     assert vectorised.success
+
+
+def test_mistakes_are_told_in_words_of_python(top, tmp_path):
+    wire = pyhamel.load(
+        "model wire { coordinate x, y in real; lagrangian = (x_dot^2 + y_dot^2)/2; constraint x^2 + y^2 = 1; multipliers; "
+        "initial x = 1; initial y = 0; initial y_dot = 1; }"
+    )
+    runs = str(tmp_path / "runs.zarr")
+    top.ensemble(0.1, params={"m": [1.0, 2.0]}, out=runs)
+    for call, words in [
+        (lambda: wire.simulate(1.0, {"x": 1.0, "y": 0.0, "x_dot": 1.0}), r"another state with y0=\{name: value\}"),
+        (lambda: top.simulate(1.0, START, events=["Omega9"]), "^events"),
+        (lambda: top.ensemble(1.0, params={"m": [1.0, 2.0]}, threads=5000), "^threads is 5000"),
+        (lambda: top.ensemble(0.1, params={"m": [1.0, 2.0]}, out=runs), "give resume=True to go on with it"),
+        (lambda: top.ensemble(0.1, params={"m": [1.0, 2.0]}, out=str(tmp_path / "x.foo")), "or, with statistics, in"),
+    ]:
+        with pytest.raises(pyhamel.InputError, match=words) as caught:
+            call()
+        assert "--" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "mistake, words",
+    [
+        (dict(max_steps=-1), "max_steps is -1, but has to be a whole number, 0 or more"),
+        (dict(max_events=1.5), "max_events is 1.5, but has to be a whole number"),
+        (dict(noise_seed=-1), "noise_seed is -1"),
+        (dict(noise_path=2**40), "noise_path is 1099511627776, but has to be a whole number, from 0 to 4294967295"),
+        (dict(step="0.1"), "step is '0.1', but has to be a number"),
+        (dict(rtol=None, atol=[1.0, 2.0]), r"atol is \[1.0, 2.0\], but has to be a number"),
+        (dict(method=3), "method is 3, but has to be the name of one"),
+        (dict(events="Omega1"), "events is the text 'Omega1': give a list of texts"),
+        (dict(sensitivity="m"), "sensitivity is the text 'm': give a list of texts"),
+    ],
+)
+def test_arguments_of_another_kind_are_told_by_their_names(top, mistake, words):
+    with pytest.raises(pyhamel.InputError, match=words):
+        top.simulate(1.0, START, **mistake)
+
+
+def test_arguments_of_ensembles_and_models_are_told_by_their_names(top):
+    for mistake, words in [
+        (dict(threads=-1), "threads is -1"),
+        (dict(samples=-1), "samples is -1"),
+        (dict(max_steps="many"), "max_steps is 'many'"),
+    ]:
+        with pytest.raises(pyhamel.InputError, match=words):
+            top.ensemble(1.0, params={"m": [1.0, 2.0]}, **mistake)
+    with pytest.raises(pyhamel.InputError, match="budget is 0, but has to be a whole number, 1 or more"):
+        pyhamel.load("heavy_top", budget=0)

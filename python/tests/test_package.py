@@ -59,7 +59,7 @@ def test_the_stub_is_what_the_native_module_has():
     assert found.returncode == 0, found.stdout + found.stderr
 
 
-@pytest.mark.parametrize("module", ["pyhamel", "pyhamel._model", "pyhamel._results", "pyhamel._fit", "pyhamel._linear"])
+@pytest.mark.parametrize("module", ["pyhamel", "pyhamel._arguments", "pyhamel._model", "pyhamel._results", "pyhamel._fit", "pyhamel._linear"])
 def test_examples_of_docstrings_run(module):
     assert doctest.testmod(importlib.import_module(module)).failed == 0
 

@@ -139,7 +139,7 @@ impl Exhausted {
             Resource::NumberBits => "write smaller powers, or fix parameters to numbers of fewer digits",
             _ => {
                 "write smaller expressions, use fewer velocities, fix parameters in a scene, or raise the budget: \
-                 `--budget 4` of the command line, `Config::budget` of a build script"
+                 `--budget 4` of the command line, `budget=4` of Python, `Config::budget` of a build script"
             }
         }
     }

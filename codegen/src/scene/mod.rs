@@ -16,6 +16,7 @@ mod bundle;
 mod counts;
 mod defaults;
 mod dependence;
+mod dependent;
 mod derivatives;
 mod derived;
 mod discrete;

@@ -12,6 +12,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::dependent::Dependent;
 use super::implied::Implied;
 use super::roles::{VariableRole, all_params, initial_values, variable_roles};
 use hamel_expr::{ExprId, SymbolId};
@@ -52,6 +53,9 @@ pub enum Told {
 /// Part of a value up to which a difference to what the model gives is rounding.
 const ROUNDING: f64 = 1e-12;
 
+/// The same of velocities that are solved for: elimination loses a few digits.
+const LINEAR_ROUNDING: f64 = 1e-9;
+
 /// What is known about initial states of a scene's model before anybody asks for one.
 #[derive(Clone, Debug)]
 pub struct Prior {
@@ -63,6 +67,7 @@ pub struct Prior {
     /// Whether the model gives no initial value at all.
     is_silent: bool,
     implied: Option<Implied>,
+    dependent: Option<Dependent>,
 }
 
 impl Prior {
@@ -76,7 +81,8 @@ impl Prior {
         };
         let points = model.base.iter().flat_map(|c| point(&c.name)).collect();
         let (initial, is_silent) = (initial_values(model, &params), model.initial.is_empty());
-        Prior { roles, initial, points, is_silent, implied: Implied::of(model, &params) }
+        let (implied, dependent) = (Implied::of(model, &params), Dependent::of(model, &params));
+        Prior { roles, initial, points, is_silent, implied, dependent }
     }
 
     /// Why a state with its components by name cannot be a start, though it keeps the equations of the scene: one that
@@ -179,6 +185,17 @@ impl Prior {
                     told.push(Told::Moved { name, from: *from, to: value });
                 }
                 (Origin::Given | Origin::Model | Origin::Chosen, _) => {}
+            }
+        }
+        // Velocities that the model gives and the state has not.
+        let is_lost = |name: &String| self.is_velocity(name) && !names.contains(name);
+        if let Some(dependent) = self.dependent.as_ref().filter(|_| self.initial.keys().any(is_lost)) {
+            for (name, to) in dependent.values(names, state) {
+                if let Some(from) = self.initial.get(&name)
+                    && (to - from).abs() > LINEAR_ROUNDING * from.abs().max(1.0)
+                {
+                    told.push(Told::Moved { name, from: *from, to });
+                }
             }
         }
         told

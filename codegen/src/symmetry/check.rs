@@ -6,7 +6,7 @@
 //!
 //! Does not know: how the group was found, how the text was written.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use hamel_expr::{ExprId, SymbolId, rational_to_f64, uniform};
 use hamel_lang::spec::{self, Domain, Model};
@@ -43,16 +43,19 @@ const MAX_STEP_ERROR: f64 = 1e-4;
 
 /// A scene at the defaults of the parameters.
 struct Running {
+    model: Model,
     scene: scene::BuiltScene,
     params: Vec<f64>,
 }
 
 impl Running {
-    /// The scene that is wanted, if the model has it, or the first one.
+    /// The scene that is wanted, if the model has it, or the first one. Scenes of the model itself may have another
+    /// state: they are not looked at.
     fn new(model: &Model, wanted: &str) -> Result<Running, String> {
-        let names = scene::names(model);
+        let plain = Model { scenes: Vec::new(), ..model.clone() };
+        let names = scene::names(&plain);
         let name = names.iter().find(|name| *name == wanted).or(names.first()).ok_or("there is no scene")?;
-        let scene = scene::build(model, name).map_err(|e| e.to_string())?;
+        let scene = scene::build(&plain, name).map_err(|e| e.to_string())?;
         let defaults: BTreeMap<&str, f64> =
             model.params.iter().map(|p| (p.name.as_str(), rational_to_f64(&p.default))).collect();
         let params = scene
@@ -60,7 +63,7 @@ impl Running {
             .iter()
             .map(|p| defaults.get(p.name.as_str()).copied().unwrap_or(f64::NAN))
             .collect();
-        Ok(Running { scene, params })
+        Ok(Running { model: plain, scene, params })
     }
 
     /// The state after a time, by the names of it, in steps of Runge and Kutta's method; and how far half as many
@@ -229,8 +232,10 @@ impl Setting<'_> {
         };
         let mut named = by_name(&self.graph, &small);
         // Coordinates that leave are reconstructed from the identity.
-        for symbol in self.leaving(section) {
-            named.insert(self.graph.name(symbol).to_owned(), *large.get(&symbol)?);
+        for (name, symbol) in self.named_coordinates() {
+            if section.at.contains_key(&symbol) {
+                named.insert(name, *large.get(&symbol)?);
+            }
         }
         let reduced = named.clone();
         let (slow, energy) = other.rates(t, |name| named.get(name).copied())?;
@@ -329,45 +334,66 @@ impl Setting<'_> {
         for time in TIMES {
             let end = own.carried((t, time), |name| named.get(name).copied())?;
             let of_reduced = other.carried((t, time), |name| reduced.get(name).copied())?;
-            if let Some(differs) = self.motion_difference(section, (&named, time), (&end, &of_reduced)) {
+            let names = self.leaving(section);
+            if let Some(differs) = motion_difference(&names, (&named, time), (&end, &of_reduced)) {
                 return Some(differs);
             }
         }
         None
     }
 
-    /// The difference of the coordinates that leave after a time, if there is one; `None` where the steps were too
-    /// long.
-    fn motion_difference(
-        &self,
-        section: &Section,
-        (start, time): (&BTreeMap<String, f64>, f64),
-        (end, of_reduced): (&End, &End),
-    ) -> Option<Option<String>> {
-        let names: Vec<&str> = self.leaving(section).into_iter().map(|s| self.graph.name(s)).collect();
-        let moved = |name: &&str| Some((start.get(*name)?, end.get(*name)?, of_reduced.get(*name)?));
-        let way = names.iter().filter_map(moved).fold(time, |way, (at, (x, _), _)| way + (x - at).abs());
-        for name in names {
-            let Some((_, (x, e), (y, f))) = moved(&name) else { continue };
-            let error = e + f;
-            // Also where it is no number.
-            if error.is_nan() || error > MAX_STEP_ERROR * time {
-                return None;
-            }
-            if !is_near(*x, *y, way + error / MAX_DIFFERENCE) {
-                let what =
-                    format!("`{name}` is {x} after {time}, and {y} as the reduced model reconstructs it");
-                return Some(Some(what));
-            }
-        }
-        Some(None)
+    /// Coordinates of the model that the group takes away.
+    fn leaving(&self, section: &Section) -> Vec<String> {
+        let all = self.named_coordinates().into_iter();
+        all.filter(|(_, symbol)| section.at.contains_key(symbol)).map(|(name, _)| name).collect()
     }
 
-    /// Coordinates of the model that the group takes away.
-    fn leaving(&self, section: &Section) -> Vec<SymbolId> {
-        let base = self.model.base.iter().map(|c| c.symbol);
-        let groups = self.model.configurations.iter().flat_map(|c| c.symbols.iter().copied());
-        base.chain(groups).filter(|s| section.at.contains_key(s)).collect()
+    /// Holds the start of the reduced model to the one of the model: energies are equal, and so are coordinates that
+    /// both have, then and after a short motion.
+    ///
+    /// `others`: coordinates of the reduced model that differ from the one of the same name.
+    ///
+    /// # Errors
+    /// What differs, or why nothing could be compared.
+    pub(super) fn starts_alike(&self, others: &BTreeSet<&str>, text: &str) -> Result<(), String> {
+        let unread = |_| "the text cannot say the values of the model".to_owned();
+        let reduced = spec::parse("reduced", text).map_err(unread)?;
+        let both =
+            [Running::new(self.model, scene::DEFAULT)?, Running::new(&reduced, scene::RECONSTRUCTION)?];
+        let mut starts = Vec::new();
+        let mut energies = Vec::new();
+        for one in &both {
+            let no_start = || format!("`{}` does not move where it starts", one.model.name);
+            let state = scene::start(&one.model, &one.scene).ok().flatten().ok_or_else(no_start)?.state;
+            let interpreter = one.scene.prepare(&one.params).map_err(|_| no_start())?;
+            energies.push(interpreter.energy(0.0, &state));
+            let named = one.scene.state_names().into_iter().zip(state);
+            starts.push(named.collect::<BTreeMap<String, f64>>());
+        }
+        if let [Some(of_model), Some(energy)] = energies[..]
+            && !is_near(energy, of_model, 1.0 + energy.abs() + of_model.abs())
+        {
+            return Err(format!("the energy starts at {of_model}, and at {energy} by the reduced model"));
+        }
+        let names: Vec<String> = (self.named_coordinates().into_iter().map(|(name, _)| name))
+            .filter(|name| !others.contains(name.as_str()) && starts.iter().all(|s| s.contains_key(name)))
+            .collect();
+        for name in &names {
+            let [x, y] = [starts[0][name], starts[1][name]];
+            if !is_near(x, y, 1.0 + x.abs()) {
+                return Err(format!("`{name}` starts at {x}, and at {y} by the reduced model"));
+            }
+        }
+        for time in TIMES {
+            let carried = |k: usize| both[k].carried((0.0, time), |name| starts[k].get(name).copied());
+            let (Some(end), Some(of_reduced)) = (carried(0), carried(1)) else { continue };
+            match motion_difference(&names, (&starts[0], time), (&end, &of_reduced)) {
+                Some(Some(differs)) => return Err(differs),
+                Some(None) => return Ok(()),
+                None => {}
+            }
+        }
+        Err("the motions are too fast to be compared".to_owned())
     }
 
     /// `sum_k a_k' v_k = sum_a xi^a (X_a f - lambda_a f)` at the start of the module, for one of its functions.
@@ -498,6 +524,29 @@ impl Setting<'_> {
         }
         large
     }
+}
+
+/// The difference of coordinates after a time, if there is one; `None` where the steps were too long.
+fn motion_difference(
+    names: &[String],
+    (start, time): (&BTreeMap<String, f64>, f64),
+    (end, of_reduced): (&End, &End),
+) -> Option<Option<String>> {
+    let moved = |name: &String| Some((start.get(name)?, end.get(name)?, of_reduced.get(name)?));
+    let way = names.iter().filter_map(moved).fold(time, |way, (at, (x, _), _)| way + (x - at).abs());
+    for name in names {
+        let Some((_, (x, e), (y, f))) = moved(name) else { continue };
+        let error = e + f;
+        // Also where it is no number.
+        if error.is_nan() || error > MAX_STEP_ERROR * time {
+            return None;
+        }
+        if !is_near(*x, *y, way + error / MAX_DIFFERENCE) {
+            let what = format!("`{name}` is {x} after {time}, and {y} as the reduced model reconstructs it");
+            return Some(Some(what));
+        }
+    }
+    Some(None)
 }
 
 /// Whether two sums of terms of this size are equal up to rounding.

@@ -18,7 +18,7 @@ use super::group::SymmetryGroup;
 use super::modules::Module;
 use super::section::Section;
 use super::setting::Setting;
-use super::write::Written;
+use super::write::{Image, Written};
 use super::{ReductionMap, disagrees, item};
 use crate::quotient::{Unrelated, related};
 
@@ -27,10 +27,6 @@ const MAX_DEGREE: usize = 3;
 
 /// More unknown numbers at once are not looked for.
 const MAX_UNKNOWNS: usize = 1500;
-
-/// Names of variables of the reduced model, and their functions in the names of the model; a variable that is the one
-/// of the same name is left out.
-pub(super) type Images = Vec<(String, String)>;
 
 /// Products of coordinates that leave, by their degree.
 struct Products(Vec<Vec<ExprId>>);
@@ -44,15 +40,16 @@ impl Setting<'_> {
         &mut self,
         (group, section): (&SymmetryGroup, &Section),
         written: &Written,
-    ) -> Result<Option<ReductionMap>, Diagnostics> {
+    ) -> Result<Option<(ReductionMap, Vec<Image>)>, Diagnostics> {
         let Some(origin) = &self.model.origin else { return Ok(None) };
         trace::at("search for the map to the reduced model");
         let Some(images) = self.map(group, section, written) else { return Ok(None) };
-        let text = spec::with_items(&written.text, &item(&origin.file, &images));
+        let texts: Vec<(String, String)> = images.iter().map(|i| (i.name.clone(), i.text.clone())).collect();
+        let text = spec::with_items(&written.text, &item(&origin.file, &texts));
         // A function that the language does not read is none that could be written.
         let Ok(reduced) = spec::parse("reduced", &text) else { return Ok(None) };
         match related(&reduced, &reduced.totals[0], origin) {
-            Ok((_, proved)) => Ok(Some(ReductionMap { images, proved })),
+            Ok((_, proved)) => Ok(Some((ReductionMap { images: texts, proved }, images))),
             Err(Unrelated::Texts(_)) => Ok(None),
             Err(Unrelated::Conditions(list)) => {
                 let is_wrong = |c: &&NotQuotient| {
@@ -67,11 +64,11 @@ impl Setting<'_> {
     }
 
     /// The map, where it is found.
-    fn map(&mut self, group: &SymmetryGroup, section: &Section, written: &Written) -> Option<Images> {
+    fn map(&mut self, group: &SymmetryGroup, section: &Section, written: &Written) -> Option<Vec<Image>> {
         let model = self.model;
         let products = self.products(group, section);
         let one = self.graph.one();
-        let mut images = Images::new();
+        let mut images = Vec::new();
         let leaving: Vec<ExprId> =
             self.velocities_of_leaving(section).into_iter().map(|y| self.graph.sym(y)).collect();
         for (name, symbol) in section.names.iter().zip(&section.symbols) {
@@ -86,7 +83,8 @@ impl Setting<'_> {
             let f = self.invariant((group, section), coordinate.symbol, (&products, &of_shape))?;
             if self.push(&mut images, &coordinate.name, f) {
                 let text = format!("rate({})", self.spelled(f));
-                images.push((coordinate.velocity_name.clone(), text));
+                let value = self.rate_of(f);
+                images.push(Image { name: coordinate.velocity_name.clone(), value, text });
             }
         }
         for (k, _) in &section.kept {
@@ -106,8 +104,8 @@ impl Setting<'_> {
         if let Some(marked) = &self.marked {
             let row = &model.configurations[marked.configuration].symbols[3 * marked.axis..][..3];
             for (advected, entry) in marked.advected.into_iter().zip(row) {
-                let name = self.graph.name(advected).to_owned();
-                images.push((name, self.graph.name(*entry).to_owned()));
+                let [name, text] = [advected, *entry].map(|s| self.graph.name(s).to_owned());
+                images.push(Image { name, value: self.graph.sym(*entry), text });
             }
         }
         if let Some((_, module, advected)) = &written.module {
@@ -121,11 +119,11 @@ impl Setting<'_> {
     }
 
     /// Adds an image, unless it is the variable of the same name.
-    fn push(&self, images: &mut Images, name: &str, f: ExprId) -> bool {
+    fn push(&self, images: &mut Vec<Image>, name: &str, f: ExprId) -> bool {
         let text = self.spelled(f);
         let is_another = text != name;
         if is_another {
-            images.push((name.to_owned(), text));
+            images.push(Image { name: name.to_owned(), value: f, text });
         }
         is_another
     }

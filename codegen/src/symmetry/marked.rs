@@ -113,14 +113,11 @@ impl Setting<'_> {
             let sum = self.graph.linear_combination(&terms);
             action.push(self.spelled(sum));
         }
-        let start = [0, 1, 2].map(|l| if l == marked.axis { "1" } else { "0" });
         Some(format!(
-            "    /// Axis {} of space in the body.\n    advected {} in R^3 by [{}];\n    initial {} = [{}];\n",
+            "    /// Axis {} of space in the body.\n    advected {} in R^3 by [{}];\n",
             marked.axis + 1,
             marked.name,
             action.join(", "),
-            marked.name,
-            start.join(", "),
         ))
     }
 }

@@ -16,6 +16,7 @@ mod check;
 mod discrete;
 mod forms;
 mod group;
+mod initial;
 mod map;
 mod marked;
 mod modules;
@@ -38,7 +39,7 @@ use group::{SymmetryGroup, Way};
 use modules::Module;
 use section::Section;
 use setting::{FIRST_CONSTRAINT, Generator, Refusal, Setting};
-use write::{Pieces, Written};
+use write::{Pieces, Written, named};
 
 /// A model that was reduced.
 #[derive(Clone, Debug)]
@@ -189,20 +190,29 @@ fn reduce_held(
         let problem = Diagnostic::new(model.places.lagrangian, message).with_help(found);
         return Err(model.diagnostics(vec![problem]));
     }
-    show(&written.text, &mut |text| setting.compared((&pieces.group, &section), &written, text));
     if let Err(differs) = setting.compared((&pieces.group, &section), &written, &written.text) {
         return Err(disagrees(model, &differs));
     }
+    let found = setting.proved_map((&pieces.group, &section), &written)?;
+    let (map, images) = found.map_or((None, None), |(map, images)| (Some(map), Some(images)));
+    let (text, started) = setting.started((&pieces.group, &section), &written, images.as_deref());
+    show(&text, &mut |text| {
+        setting.compared((&pieces.group, &section), &written, text)?;
+        match started {
+            Some(Ok(())) => setting.starts_alike(&named(images.as_deref()), text),
+            _ => Ok(()),
+        }
+    });
     if let Err(exhausted) = setting.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
     }
-    let mut report = [pieces.report, further].concat();
-    let map = setting.proved_map((&pieces.group, &section), &written)?;
+    let mut report = [pieces.report, further, written.left].concat();
+    report.extend(started.and_then(Result::err));
     report.push(match &map {
         Some(map) => format!("Proved: a quotient of the model, by {} conditions.", map.proved.n_conditions),
         None => "The map is not written: it is not found. Rates are compared at points.".to_owned(),
     });
-    Ok(Reduced { text: written.text, report, dim, map })
+    Ok(Reduced { text, report, dim, map })
 }
 
 fn disagrees(model: &Model, what: &str) -> Diagnostics {

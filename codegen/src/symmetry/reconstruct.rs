@@ -1,16 +1,16 @@
-//! Coordinates of the group from its velocity, and where a motion starts, as text.
+//! Coordinates of the group from its velocity, as text.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use hamel_expr::{ExprId, Rational};
 use num_traits::{One, Zero};
 
-use super::angles::{AngleGroup, TurnedField};
+use super::angles::AngleGroup;
 use super::group::SymmetryGroup;
 use super::names::vectors_of;
 use super::section::Section;
-use super::setting::{Generator, Images, Setting};
+use super::setting::{Generator, Setting};
 use super::write::document;
 
 impl Setting<'_> {
@@ -102,7 +102,7 @@ impl Setting<'_> {
         }
     }
 
-    /// `qdot = sum_c xi^c W_c(q)`, and where the angles start.
+    /// `qdot = sum_c xi^c W_c(q)`.
     fn write_angles(
         &mut self,
         out: &mut String,
@@ -130,9 +130,6 @@ impl Setting<'_> {
             document(out, &model.base[*i].doc);
         }
         let _ = writeln!(out, "    reconstruct {} by [{}];", names.join(", "), rates.join(", "));
-        for (name, value) in names.iter().zip(&angles.values).filter(|(_, e)| **e != self.graph.zero()) {
-            let _ = writeln!(out, "    initial {name} = {};", self.spelled(*value));
-        }
     }
 
     /// Whether a field turns `q_i`, `q_i+1` counter-clockwise and moves no other coordinate linearly along them.
@@ -142,107 +139,5 @@ impl Setting<'_> {
                 .map_or_else(Rational::zero, |at| coefficients[at].clone())
         };
         of(i, i + 1).is_one() && (-of(i + 1, i)).is_one() && of(i, i).is_zero() && of(i + 1, i + 1).is_zero()
-    }
-
-    /// Initial values, where the model starts at the cross-section.
-    pub(super) fn write_initial(&mut self, out: &mut String, group: &SymmetryGroup, section: &Section) {
-        let model = self.model;
-        let given: BTreeMap<&str, ExprId> = model.initial.iter().map(|(n, e)| (n.as_str(), *e)).collect();
-        let zero = self.graph.zero();
-        let symbols = model.base.iter().map(|c| (c.name.as_str(), c.symbol));
-        let of_groups = model
-            .configurations
-            .iter()
-            .flat_map(|c| c.names.iter().map(String::as_str).zip(c.symbols.iter().copied()));
-        let starts_there = symbols.chain(of_groups).all(|(name, symbol)| {
-            let wanted = section.at.get(&symbol);
-            let is_alone = group.fields.iter().all(|f| {
-                let pivot = self.generators[f.pivot];
-                let is_own = matches!(pivot, Generator::Translation(i) if model.base[i].symbol == symbol);
-                // A coordinate of a line that nothing depends on starts where it does.
-                !is_own || f.coefficients.iter().filter(|q| !q.is_zero()).count() == 1
-            });
-            let is_line = model.base.iter().any(|c| c.symbol == symbol) && is_alone && {
-                let moved = group.fields.iter().any(|f| {
-                    let image = f.images.get(&symbol).copied().unwrap_or(zero);
-                    self.graph.as_rational(image).is_none()
-                });
-                !moved
-            };
-            match (wanted, given.get(name)) {
-                (None, _) | (Some(_), None) => true,
-                (Some(value), Some(start)) => value == start || is_line,
-            }
-        });
-        if model.initial.is_empty() {
-            return;
-        }
-        if !starts_there {
-            out.push_str("    // Initial values are left out: the model starts elsewhere than at the identity of the group.\n");
-            return;
-        }
-        let speed = |k: usize| {
-            let all = model.all_velocities();
-            given.get(all[k].0).copied().unwrap_or(zero)
-        };
-        let mut xi = Vec::new();
-        for (field, name) in group.fields.iter().zip(&section.names) {
-            let k = match self.generators[field.pivot] {
-                Generator::Left(k, a) | Generator::Right(k, a) => {
-                    model.base.len() + model.configurations[k].velocities[a]
-                }
-                Generator::Translation(i)
-                | Generator::Linear(i, _)
-                | Generator::Turned(TurnedField { along: i, .. }) => i,
-            };
-            xi.push(speed(k));
-            let _ = writeln!(out, "    initial {name} = {};", self.spelled(speed(k)));
-        }
-        let start: Images = model
-            .base
-            .iter()
-            .map(|c| (c.symbol, given.get(c.name.as_str()).copied().unwrap_or(zero)))
-            .chain(model.configurations.iter().flat_map(|c| {
-                c.names
-                    .iter()
-                    .zip(&c.symbols)
-                    .map(|(n, s)| (*s, given.get(n.as_str()).copied().unwrap_or(zero)))
-            }))
-            .collect();
-        let mut rest: Vec<(usize, String)> =
-            section.shape.iter().map(|i| (*i, model.base[*i].velocity_name.clone())).collect();
-        for (k, names) in &section.kept {
-            let places = model.configurations[*k].velocities.iter().map(|b| model.base.len() + b);
-            rest.extend(places.zip(names.iter().cloned()));
-        }
-        for (k, name) in rest {
-            let mut terms = vec![(speed(k), Rational::one())];
-            for (xi, tangent) in xi.iter().zip(&section.tangents) {
-                let tangent = self.graph.subs(tangent[k], &start).unwrap_or(tangent[k]);
-                terms.push((self.graph.mul(*xi, tangent), -Rational::one()));
-            }
-            let value = self.graph.linear_combination(&terms);
-            let _ = writeln!(out, "    initial {name} = {};", self.spelled(value));
-        }
-        // Coordinates that leave are known where they are reconstructed, and there alone.
-        for (i, coordinate) in model.base.iter().enumerate().filter(|(i, _)| !section.shape.contains(i)) {
-            let start = given.get(coordinate.name.as_str()).filter(|e| **e != zero);
-            if let Some(e) = start.filter(|_| out.contains(&format!("reconstruct {} by", model.base[i].name)))
-            {
-                let _ = writeln!(out, "    initial {} = {};", coordinate.name, self.spelled(*e));
-            }
-        }
-        for i in &section.shape {
-            if let Some(e) = given.get(model.base[*i].name.as_str()) {
-                let _ = writeln!(out, "    initial {} = {};", model.base[*i].name, self.spelled(*e));
-            }
-        }
-        for (k, _) in &section.kept {
-            for name in &model.configurations[*k].names {
-                if let Some(e) = given.get(name.as_str()) {
-                    let _ = writeln!(out, "    initial {name} = {};", self.spelled(*e));
-                }
-            }
-        }
     }
 }

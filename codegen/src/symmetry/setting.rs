@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use hamel_expr::{ExprId, Graph, Rational, SymbolId};
 use hamel_lang::spec::group_motion::{group_rates, rational_element};
-use hamel_lang::spec::{ConstraintKind, Domain, Model, Side};
+use hamel_lang::spec::{CarriedBy, ConstraintKind, Domain, Model, Side};
 use num_traits::Zero;
 
 use super::angles::TurnedField;
@@ -89,6 +89,18 @@ fn refused(model: &Model) -> Option<Refusal> {
     }
     if model.frame.is_some() || !model.quasi_velocities.is_empty() {
         return has("quasi-velocities", "write the constraints by velocities of coordinates");
+    }
+    if !model.modes.is_empty() {
+        return has("modes", "leave them out, with the events that enter and leave them");
+    }
+    if model.lyapunov.is_some() {
+        return has("an actuator", "leave `actuate` and `lyapunov` out: they are added to the reduced model");
+    }
+    if model.carries.iter().any(|carried| carried.by != CarriedBy::Velocity) {
+        return has(
+            "momenta in the state",
+            "leave `carry` and `routh` out: the reduced model has the momenta of its own velocities",
+        );
     }
     if !model.first_order.is_empty() {
         return has("states of first order", "leave them out: what they move is added to the reduced model");

@@ -87,6 +87,16 @@ const FAST: &str = "model fast {
     force x_dot = -20*x_dot;
 }";
 
+/// The motion starts elsewhere than at the identity, where what advects has other values.
+const STARTED: &str = "model started {
+    param k = 0.7; param w = 0.3;
+    coordinate x, y in real; coordinate theta in angle; coordinate l in (0.5, 4);
+    lagrangian = (x_dot^2 + y_dot^2 + theta_dot^2)/2 + l_dot^2/2 - (l - 1)^2 - k*cos(theta) + k*l*theta_dot/5;
+    constraint y_dot = w*theta_dot + l_dot;
+    initial x = 2; initial y = 1; initial theta = 0.4; initial l = 1.5;
+    initial x_dot = 1 + w; initial theta_dot = 0.3; initial y_dot = 0.3*w + 0.2;
+}";
+
 /// The answer to each fault: the first place of a text replaced. A fault that is not there is no test.
 fn planted(model: &str, faults: &[(&str, &str)]) -> Vec<Option<String>> {
     let model = spec::parse("model", model).unwrap();
@@ -139,6 +149,14 @@ fn planted_faults_are_found() {
         (FAST, "reconstruct x by v_x", "reconstruct x by v_y"),
         (FAST, "reconstruct y by v_y", "reconstruct y by v_y*1.001"),
         (SUN, "Omega1*a1 + Omega3", "Omega1*a1 - Omega3"),
+        (STARTED, "initial a1 = ", "initial a1 = 0.01 + "),
+        (STARTED, "initial a2 = ", "initial a2 = -"),
+        (STARTED, "initial v_x = w + 1;", "initial v_x = w;"),
+        (STARTED, "initial v_theta = 3/10;", "initial v_theta = 1/10;"),
+        (STARTED, "initial theta = 2/5;", "initial theta = 1/5;"),
+        (STARTED, "initial y = 1;", ""),
+        (STARTED, "initial l = 3/2;", "initial l = 3/2 + 1/1000;"),
+        (STARTED, "initial l_dot = 1/5;", "initial l_dot = -1/5;"),
     ];
     let models: std::collections::BTreeSet<&str> = faults.iter().map(|(model, ..)| *model).collect();
     for model in models {
@@ -215,12 +233,90 @@ fn what_is_not_there_is_told() {
             "model m { configuration R in SO(4) velocity w; lagrangian = dot(w, w); }",
             "a configuration in SO(4)",
         ),
+        (
+            "model m { param p = 1; coordinate x, y in real; lagrangian = x_dot^2 + (1 + x^2)*y_dot^2; routh y = p; }",
+            "momenta in the state",
+        ),
+        (
+            "model m { coordinate x, y in real; momentum p of x_dot; carry p; lagrangian = x_dot^2 + y_dot^2; }",
+            "momenta in the state",
+        ),
+        (
+            "model m { coordinate x, y in real; lagrangian = x_dot^2 + y_dot^2; mode stuck { constraint x_dot = 0; } \
+             event hit = x { enter stuck; } }",
+            "a model with modes",
+        ),
+        (
+            "model m { coordinate x, y in real; lagrangian = x_dot^2 + y_dot^2 - x^2; lyapunov V = x_dot^2 + x^2; \
+             actuate u along x_dot; }",
+            "an actuator",
+        ),
     ];
     for (text, wanted) in refusals {
         let model = spec::parse("model", text).unwrap();
         let problems = reduce(&model).unwrap_err().to_string();
         assert!(problems.contains(wanted), "{text}: {problems}");
     }
+}
+
+/// Values of the reduced model are written where its motion is the one of the model, and not otherwise.
+#[test]
+fn a_motion_starts_where_the_model_starts() {
+    let reduced = |text: &str| reduce(&spec::parse("model.hamel", text).unwrap()).unwrap();
+    let started = reduced(STARTED);
+    for item in [
+        "initial a1 = -sin(2/5);",
+        "initial a2 = cos(2/5);",
+        "initial v_theta = 3/10;",
+        // The constraint gives the velocity that the model does not.
+        "initial l_dot = 1/5;",
+        "initial theta = 2/5;",
+    ] {
+        assert!(started.text.contains(item), "{item}: {}", started.text);
+    }
+    // Without the map the function that advects is known at the section alone.
+    let falling = "model m { coordinate x, z in real; lagrangian = (x_dot^2 + z_dot^2)/2 - 2*exp(-z); \
+                   initial z = 1; initial x_dot = 1; initial x = 3; }";
+    let line = "Initial values are left out: the model starts elsewhere than at the identity of the group.";
+    let elsewhere = reduced(falling);
+    assert!(elsewhere.text.contains(&format!("// {line}")), "{}", elsewhere.text);
+    assert!(elsewhere.report.iter().any(|l| l == line), "{:?}", elsewhere.report);
+    assert!(!elsewhere.text.contains("initial v_x"), "{}", elsewhere.text);
+    let there = reduced(&falling.replace("initial z = 1;", ""));
+    assert!(there.text.contains("initial a = 1;") && there.text.contains("initial x = 3;"), "{}", there.text);
+    // The model gives velocities that its constraint does not have.
+    let skate = "model m { coordinate x, y in real; coordinate a in angle; lagrangian = x_dot^2 + y_dot^2 + a_dot^2; \
+                 constraint cos(a)*y_dot = sin(a)*x_dot; initial x_dot = 1; initial y_dot = 1; initial a = 0; }";
+    let off = reduced(skate);
+    assert!(
+        off.text.contains("Initial values are left out: the velocities that the model gives do not keep"),
+        "{}",
+        off.text
+    );
+}
+
+#[test]
+fn everything_that_is_left_out_is_told() {
+    let text = "model m { configuration R in SO(3) velocity w; coordinate x in real; momentum p of w; \
+                lagrangian = dot(w, diag([1, 2, 3])*w) + x_dot^2 - R33; reconstruct s by x_dot*w1; \
+                output h = 2*p; output body = w1; output space = R*w; frame hand at [x, 0, 0]; \
+                event hit = R33 { then w = -w; } scene default { carry p; want rhs; } multipliers; }";
+    let reduced = reduce(&spec::parse("model", text).unwrap()).unwrap();
+    for line in [
+        "Left out: output `h`, which contains `p1`.",
+        "Left out: output `space`, which the group moves.",
+        "Left out, with its number: event, 1.",
+        "Left out, with its number: scene, 1.",
+        "Left out, with its number: choice of multipliers, 1.",
+        "Left out, with its number: coordinate that the model reconstructs itself, 1.",
+        "Left out, with its number: set of named frames, 1.",
+    ] {
+        assert!(reduced.text.contains(&format!("// {line}")), "{line}: {}", reduced.text);
+        assert!(reduced.report.iter().any(|l| l == line), "{line}: {:?}", reduced.report);
+    }
+    assert!(reduced.text.contains("output body = w1;"), "{}", reduced.text);
+    // What an event sets is a part of the event.
+    assert!(!reduced.text.contains("after_hit"), "{}", reduced.text);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use hamel_expr::{ExprId, Rational, Relation, Style, SymbolId};
-use hamel_lang::spec::{Domain, Layout, Param, ParamArray, Side};
+use hamel_lang::spec::{Domain, Layout, NamedVector, OutputPart, Param, ParamArray, Side};
 use num_traits::{One, Zero};
 
 use super::group::SymmetryGroup;
@@ -30,13 +30,29 @@ pub(super) struct Pieces {
 
 /// The text, and its functions as expressions at the section.
 pub(super) struct Written {
+    /// The model, without the values that it starts at.
     pub(super) text: String,
+    /// Items of the model that the text has not.
+    pub(super) left: Vec<String>,
     /// Residuals of constraints.
     pub(super) constraints: Vec<ExprId>,
     /// Velocities along solutions of constraints.
     pub(super) along: Vec<SymbolId>,
     /// What the group moves, with the functions and the symbols that advect.
     pub(super) module: Option<(Vec<ExprId>, Module, Vec<SymbolId>)>,
+}
+
+/// A variable of the reduced model as a function of the model; a variable that is the one of the same name has none.
+pub(super) struct Image {
+    pub(super) name: String,
+    pub(super) value: ExprId,
+    /// The function in the names of the model.
+    pub(super) text: String,
+}
+
+/// Names of the variables that a map gives.
+pub(super) fn named(map: Option<&[Image]>) -> BTreeSet<&str> {
+    map.unwrap_or_default().iter().map(|image| image.name.as_str()).collect()
 }
 
 impl Setting<'_> {
@@ -54,6 +70,9 @@ impl Setting<'_> {
         let _ = writeln!(out, "model {}_reduced {{", model.name);
         for source in &model.sources {
             let _ = writeln!(out, "    source {source:?};");
+        }
+        if let Some(topic) = &model.topic {
+            let _ = writeln!(out, "    topic {topic:?};");
         }
         numbers(&mut out, "param", &model.params, &model.param_arrays);
         numbers(&mut out, "input", &model.inputs, &model.input_arrays);
@@ -112,14 +131,16 @@ impl Setting<'_> {
                 let _ = writeln!(out, "    force {name} = {};", self.spelled(force));
             }
         }
-        self.write_outputs(&mut out, &pieces.group, section);
+        let left = self.write_outputs(&mut out, &pieces.group, section);
+        for line in &left {
+            let _ = writeln!(out, "    // {line}");
+        }
         self.write_reconstruction(&mut out, &pieces.group, section);
-        self.write_initial(&mut out, &pieces.group, section);
         out.push_str("}\n");
         let functions = pieces.moved.iter().map(|k| self.brought()[*k]).collect();
         let module = pieces.module.clone().map(|module| (functions, module, advected));
         let constraints = named.into_iter().map(|(_, residual)| residual).collect();
-        Written { text: out, constraints, along, module }
+        Written { text: out, left, constraints, along, module }
     }
 
     /// Potential energy and constraints at the section; what advects them is declared.
@@ -162,13 +183,10 @@ impl Setting<'_> {
             .collect();
         let what = moved_in_words(&pieces.moved);
         let _ = writeln!(out, "    /// What the group makes of {what}.");
-        let start: Vec<String> = module.start.iter().map(decimal).collect();
         if n == 1 {
             let _ = writeln!(out, "    advected {letter} in R by {};", action[0]);
-            let _ = writeln!(out, "    initial {letter} = {};", start[0]);
         } else {
             let _ = writeln!(out, "    advected {letter} in R^{n} by [{}];", action.join(", "));
-            let _ = writeln!(out, "    initial {letter} = [{}];", start.join(", "));
         }
         for (r, k) in pieces.moved.iter().enumerate() {
             let mut terms = vec![module.rest[r]];
@@ -251,14 +269,23 @@ impl Setting<'_> {
         let _ = writeln!(out, "    coordinate {} in {domain};", coordinate.name);
     }
 
-    /// Casimirs and outputs that the group leaves alone.
-    fn write_outputs(&mut self, out: &mut String, group: &SymmetryGroup, section: &Section) {
+    /// Casimirs and outputs that the group leaves alone; a line for each item that is left out.
+    fn write_outputs(&mut self, out: &mut String, group: &SymmetryGroup, section: &Section) -> Vec<String> {
         let model = self.model;
+        let mut left = Vec::new();
         let casimirs = model.casimirs.iter().map(|c| ("casimir", &c.name, &c.doc, vec![c.expr]));
-        let outputs = model.outputs.iter().map(|o| {
+        let own = model.outputs.iter().filter(|o| o.part == OutputPart::Own);
+        let outputs = own.map(|o| {
             ("output", &o.name, &o.doc, o.components.iter().map(|(_, e)| *e).collect::<Vec<ExprId>>())
         });
+        let known = self.variables();
         for (word, name, doc, entries) in casimirs.chain(outputs).collect::<Vec<_>>() {
+            let other = entries.iter().flat_map(|e| self.graph.free_symbols(*e)).find(|s| !known.contains(s));
+            if let Some(other) = other {
+                let other = self.graph.name(other);
+                left.push(format!("Left out: {word} `{name}`, which contains `{other}`."));
+                continue;
+            }
             let is_kept = entries.iter().all(|e| {
                 group.fields.iter().all(|field| {
                     let slope = self.graph.derivative_along(*e, &field.images);
@@ -266,7 +293,7 @@ impl Setting<'_> {
                 })
             });
             if !is_kept {
-                let _ = writeln!(out, "    // Left out: {word} `{name}`, which the group moves.");
+                left.push(format!("Left out: {word} `{name}`, which the group moves."));
                 continue;
             }
             let texts: Vec<String> = entries
@@ -281,7 +308,11 @@ impl Setting<'_> {
                 if let [only] = texts.as_slice() { only.clone() } else { format!("[{}]", texts.join(", ")) };
             let _ = writeln!(out, "    {word} {name} = {value};");
         }
-        let left = [
+        let of_bodies = |o: &&NamedVector| {
+            matches!(o.part, OutputPart::Bodies | OutputPart::CenterOfMass | OutputPart::CentroidalMomentum)
+        };
+        let has_frames = model.outputs.iter().any(|o| o.part == OutputPart::Poses);
+        let counts = [
             ("event", model.events.len()),
             ("view", model.views.list.len()),
             ("scene", model.scenes.len()),
@@ -290,13 +321,28 @@ impl Setting<'_> {
             ("chain of stages", usize::from(model.stages.is_some())),
             ("velocity that the state does not carry itself", model.carries.len()),
             ("choice of independent velocities", model.independent.iter().len()),
+            ("choice of multipliers", usize::from(model.force_multipliers)),
             ("kind of connection", usize::from(model.derived_connection.is_some())),
+            ("coordinate that the model reconstructs itself", model.reconstruction.len()),
+            ("set of named frames", usize::from(has_frames)),
+            ("function of all bodies", model.outputs.iter().filter(of_bodies).count()),
         ];
-        for (what, count) in left {
+        for (what, count) in counts {
             if count > 0 {
-                let _ = writeln!(out, "    // Left out, with its number: {what}, {count}.");
+                left.push(format!("Left out, with its number: {what}, {count}."));
             }
         }
+        left
+    }
+
+    /// Symbols that have a value in the reduced model.
+    fn variables(&self) -> BTreeSet<SymbolId> {
+        let model = self.model;
+        let numbers = model.params.iter().chain(&model.inputs).map(|p| p.symbol);
+        let base = model.base.iter().map(|c| c.symbol);
+        let groups = model.configurations.iter().flat_map(|c| c.symbols.iter().copied());
+        let velocities = self.velocities.iter().copied();
+        numbers.chain(base).chain(groups).chain(velocities).chain([model.time]).collect()
     }
 }
 
