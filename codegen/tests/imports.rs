@@ -41,7 +41,7 @@ fn rates_at(file: &str, text: &str, options: &Options, at: &[(&str, f64)]) -> Va
     built.state_names().iter().cloned().zip(dy).collect()
 }
 
-/// Texts of one format for the same robot have the same rates, and those of a robot that differs are others.
+/// Texts of one format for the same robot have the same rates, and a robot that differs has others.
 fn are_the_same(file: &str, text: &str, same: &str, other: &str) {
     let [own, same, other] = [text, same, other].map(|text| rates_at(file, text, &free_of_limits(), &[]));
     assert_eq!(own.keys().collect::<Vec<_>>(), same.keys().collect::<Vec<_>>(), "{text}");
@@ -501,7 +501,7 @@ fn a_world_has_the_gravity_of_the_format() {
     assert!(notes.iter().any(|note| note.message.contains("9.8 m/s^2")), "{notes}");
 }
 
-/// Frames that are attached to nothing are those of the canonical link: the first one, or the one that the model names.
+/// Frames that are attached to nothing belong to the canonical link: the first one, or the one that the model names.
 #[test]
 fn frames_of_the_model_are_attached_to_its_canonical_link() {
     let by =

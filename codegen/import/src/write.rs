@@ -260,34 +260,31 @@ impl Writer<'_> {
         let Some(parent) = self.carried[joint.parent].clone() else { return };
         let (link, name) = (joint.child, self.links[joint.child].clone());
         let behind = self.has_inertia(link, false);
-        match &joint.kind {
-            JointKind::Fixed => {
-                // Masses at rest say nothing.
-                let rests = parent.carrier == self.robot.root && !self.options.floating;
-                if !behind || (rests && !self.has_motion(link)) {
-                    return;
-                }
-                self.line(&format!(
-                    "\n// {}, fixed to {}.",
-                    self.robot.links[link].name, self.robot.links[joint.parent].name
-                ));
-                self.declare_frame_of(k);
-                let (place, turn) = (parent.place_of(&joint.pose), parent.turn_of(&joint.pose));
-                let is_there = place == ZERO;
-                if !is_there {
-                    self.line(&format!("let r_{name} = {place};"));
-                }
-                if let Some(turn) = turn.as_ref().filter(|_| self.is_turned(link)) {
-                    self.line(&format!("let Q_{name} = {turn};"));
-                }
-                self.carried[link] = Some(Carried {
-                    carrier: parent.carrier,
-                    place: (!is_there).then(|| format!("r_{name}")),
-                    turn: turn.map(|_| format!("Q_{name}")),
-                });
+        if matches!(joint.kind, JointKind::Fixed) {
+            // Masses at rest say nothing.
+            let rests = parent.carrier == self.robot.root && !self.options.floating;
+            if !behind || (rests && !self.has_motion(link)) {
                 return;
             }
-            _ => {}
+            self.line(&format!(
+                "\n// {}, fixed to {}.",
+                self.robot.links[link].name, self.robot.links[joint.parent].name
+            ));
+            self.declare_frame_of(k);
+            let (place, turn) = (parent.place_of(&joint.pose), parent.turn_of(&joint.pose));
+            let is_there = place == ZERO;
+            if !is_there {
+                self.line(&format!("let r_{name} = {place};"));
+            }
+            if let Some(turn) = turn.as_ref().filter(|_| self.is_turned(link)) {
+                self.line(&format!("let Q_{name} = {turn};"));
+            }
+            self.carried[link] = Some(Carried {
+                carrier: parent.carrier,
+                place: (!is_there).then(|| format!("r_{name}")),
+                turn: turn.map(|_| format!("Q_{name}")),
+            });
+            return;
         }
         if !behind {
             self.without_mass(k, problems);

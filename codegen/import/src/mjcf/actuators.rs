@@ -88,8 +88,8 @@ impl<'a> Actuator<'a> {
         }
     }
 
-    /// A shortcut says everything that `general` could, and knows nothing of other shortcuts: where the last element was
-    /// one, it goes on from the nearest class around that ends with its own kind or with `general`.
+    /// A shortcut says everything that `general` could, and knows nothing of other shortcuts: where the last element
+    /// was one, it goes on from the nearest class around that ends with its own kind or with `general`.
     fn begin(&mut self, tag: &'a str, around: &[Actuator<'a>]) {
         if tag == "general" {
             self.shortcut = None;
