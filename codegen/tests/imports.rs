@@ -608,3 +608,18 @@ fn a_named_frame_has_its_origin_where_the_file_has_it() {
         are_near(found, place);
     }
 }
+
+/// Each word for a rotation is one that the language sees to be a rotation, for frames and bodies.
+#[test]
+fn frames_and_bodies_may_be_turned_by_every_word() {
+    let mut options = free_of_limits();
+    options.frames = vec!["lower".to_owned()];
+    options.bodies = true;
+    for word in
+        ["zaxis=\"0.2 0.3 -0.1\"", "zaxis=\"0.2 0 0.1\"", "xyaxes=\"1 2 3 4 5 7\"", "quat=\"1 2 3 4\""]
+    {
+        let text = arm("", "", "", "").replace("pos=\"0 0 1\"", &format!("pos=\"0 0 1\" {word}"));
+        let text = read("arm.xml", &text, &options).text;
+        assert!(spec::parse("robot.hamel", &text).is_ok(), "{text}");
+    }
+}

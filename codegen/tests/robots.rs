@@ -740,6 +740,14 @@ fn wrong_files_are_refused_with_the_reason_and_the_fix() {
         (joint(hinge, "<axis xyz=\"0 0 nan\"/>"), "`xyz` is \"0 0 nan\", not 3 numbers", "decimal"),
         (joint(hinge, "<axis xyz=\"0 0 0\"/>"), "the axis of joint `q` is zero", "direction"),
         (joint("name=\"q\" type=\"ball\"", ""), "joint `q` has the type `ball`", "revolute"),
+        (
+            joint("name=\"q\" type=\"ball\"", "").replace(
+                "</robot>",
+                "<transmission><type>SimpleTransmission</type><joint name=\"q\"/><actuator name=\"m\"/></transmission></robot>",
+            ),
+            "joint `q` has the type `ball`",
+            "revolute",
+        ),
         (joint("name=\"q\" type=\"planar\"", "<axis xyz=\"0 1 1\"/>"), "the plane of joint `q`", "`0 0 1`"),
         (joint("name=\"q\" type=\"fixed\"", ""), "nothing moves", "--floating"),
         (joint("name=\"q\"", ""), "`joint` has no `type`", "type=\"..\""),

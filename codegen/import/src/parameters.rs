@@ -115,7 +115,7 @@ fn declare_turn(items: &mut String, turn: &mut Turn, of: &str, link: &str, prefi
                     declare(items, number, format!("{prefix}{entry}_{link}"), &doc, false);
                 }
             }
-            Rotation::Axes(..) | Rotation::Onto(_) => {}
+            Rotation::Axes(..) => {}
         }
     }
 }

@@ -23,8 +23,6 @@ pub(crate) enum Rotation {
     Quaternion([Number; 4]),
     /// The first axis along a vector, the second in its plane with another one.
     Axes([Number; 3], [Number; 3]),
-    /// The shortest rotation that puts the third axis along a vector.
-    Onto([Number; 3]),
 }
 
 impl Rotation {
@@ -48,18 +46,6 @@ impl Rotation {
                 let (x, y) = (vector(x), vector(y));
                 let z = format!("unit(cross({x}, {y}))");
                 format!("transpose([unit({x}), cross({z}, unit({x})), {z}])")
-            }
-            // R = 1 + hat(a) + hat(a)^2/(1 + c) with a = e3 x u, c = e3.u, and a.a = (1 + c)(1 - c).
-            Rotation::Onto(z) => {
-                let is_against = z[2].value < 0.0;
-                let z = vector(z);
-                let a = format!("cross([0, 0, 1], unit({z}))");
-                let c = format!("dot([0, 0, 1], unit({z}))");
-                // The sum loses its digits where the direction is nearly the opposite one.
-                match is_against {
-                    true => format!("(identity(3) + hat({a}) + hat({a})*hat({a})*(1 - {c})/dot({a}, {a}))"),
-                    false => format!("(identity(3) + hat({a}) + hat({a})*hat({a})/(1 + {c}))"),
-                }
             }
         }
     }
@@ -91,20 +77,6 @@ impl Rotation {
                     1 => [pair(3, "-", 2), trace(["+", "-", "-"]), pair(1, "+", 2), pair(1, "+", 3)],
                     2 => [pair(1, "-", 3), pair(1, "+", 2), trace(["-", "+", "-"]), pair(2, "+", 3)],
                     _ => [pair(2, "-", 1), pair(1, "+", 3), pair(2, "+", 3), trace(["-", "-", "+"])],
-                }
-            }
-            // Half the rotation from e3 to u = unit(z): 1 + c and a, or by 1 - c: a.a and (1 - c) a.
-            Rotation::Onto(z) => {
-                let is_against = z[2].value < 0.0;
-                let u = |k: usize| format!("unit({})[{k}]", vector(z));
-                match is_against {
-                    true => [
-                        Some(format!("{}^2 + {}^2", u(1), u(2))),
-                        Some(format!("-{}*(1 - {})", u(2), u(3))),
-                        Some(format!("{}*(1 - {})", u(1), u(3))),
-                        None,
-                    ],
-                    false => [Some(format!("1 + {}", u(3))), Some(format!("-{}", u(2))), Some(u(1)), None],
                 }
             }
         }
@@ -196,7 +168,24 @@ impl Turn {
                 let sign = if is_against == (k == 0) { "-" } else { "" };
                 turn.factors.push(Rotation::About(axis.into(), quarter(sign)));
             }
-            None => turn.factors.push(Rotation::Onto(z)),
+            // The quaternion `n + z3, -z2, z1, 0` with the length n; near the opposite direction that sum would lose its
+            // digits. It is one number of the file in several places, and no parameters.
+            None => {
+                let [x, y, _] = &z;
+                let [w, against] = [&z[2], &z[2].negative()].map(|number| number.factor());
+                let (n, value) = (format!("norm({})", vector(&z)), 1.0);
+                let first = match z[2].value < 0.0 {
+                    true => format!("({}^2 + {}^2)/({n} + {against})", x.factor(), y.factor()),
+                    false => format!("{n} + {w}"),
+                };
+                let entry = |n: Number| match n.is_zero() {
+                    true => n,
+                    false => Number::expression(n.text, n.value),
+                };
+                let entries =
+                    [Number::expression(first, value), entry(y.negative()), entry(x.clone()), Number::zero()];
+                turn.factors.push(Rotation::Quaternion(entries));
+            }
         }
         Some(turn)
     }

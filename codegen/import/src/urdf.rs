@@ -111,7 +111,9 @@ fn motors<'a>(
             );
             continue;
         };
-        if !matches!(joints[k].kind, JointKind::Revolute(_) | JointKind::Prismatic(_)) {
+        // A joint that is refused is not there.
+        let Some(own) = joints.get(k) else { continue };
+        if !matches!(own.kind, JointKind::Revolute(_) | JointKind::Prismatic(_)) {
             leave("its joint has not one coordinate");
             continue;
         }

@@ -183,8 +183,8 @@ fn inverse(pose: &Pose) -> Option<Pose> {
             Rotation::Quaternion([w, x, y, z]) => {
                 Rotation::Quaternion([w.clone(), x.negative(), y.negative(), z.negative()])
             }
-            // Poses of this format have neither.
-            Rotation::Axes(..) | Rotation::Onto(_) => return None,
+            // Poses of this format have none.
+            Rotation::Axes(..) => return None,
         });
     }
     let turn = Turn { factors, moved: Vec::new() };
