@@ -168,8 +168,8 @@ impl Turn {
                 let sign = if is_against == (k == 0) { "-" } else { "" };
                 turn.factors.push(Rotation::About(axis.into(), quarter(sign)));
             }
-            // The quaternion `n + z3, -z2, z1, 0` with the length n; near the opposite direction that sum would lose its
-            // digits. It is one number of the file in several places, and no parameters.
+            // The quaternion `n + z3, -z2, z1, 0` with the length n; near the opposite direction that sum would lose
+            // its digits. It is one number of the file in several places, and no parameters.
             None => {
                 let [x, y, _] = &z;
                 let [w, against] = [&z[2], &z[2].negative()].map(|number| number.factor());
