@@ -26,6 +26,7 @@ mod fluids;
 mod frames;
 mod fuzz;
 mod groups;
+mod imports;
 mod inputs;
 mod kinematic;
 mod limits;

@@ -278,13 +278,29 @@ fn wrong_sdf_models_are_refused_with_the_reason_and_the_fix() {
             "another one within, by `include`",
             "into this model",
         ),
-        (sdf(&hinge, "<pose>0 0 0 1 0 0</pose>"), "the model is turned in the world", "links"),
+        (
+            sdf(&hinge, "<pose relative_to=\"f\">0 0 0 1 0 0</pose>"),
+            "the pose of the model in the world is relative to `f`",
+            "without `relative_to`",
+        ),
+        (
+            sdf(&hinge, "").replace("name=\"m\"", "name=\"m\" placement_frame=\"f\""),
+            "that of its frame `f`",
+            "without `placement_frame`",
+        ),
+        (sdf(&hinge, "<static>1</static>"), "nothing moves: the model `m` is static", "remove"),
+        (
+            format!("<sdf><world name=\"w\"><joint name=\"j\"/>{}</world></sdf>", &sdf(&hinge, "")[19..])
+                .replace("</sdf></world>", "</world>"),
+            "a joint stands in the world",
+            "into the model",
+        ),
         (
             sdf(&hinge, "<link name=\"b\"><pose relative_to=\"c\">0 0 0 0 0 0</pose></link>"),
-            "joined to no parent",
-            "fixed joint",
+            "there is no frame `c`",
+            "name a link",
         ),
-        (other("screw", axis), "joint `q` has the type `screw`", "universal"),
+        (other("gearbox", axis), "joint `q` has the type `gearbox`", "universal"),
         (other("revolute", ""), "joint `q` has no `axis`", "xyz"),
         (other("revolute", "<axis><xyz>0 0 0</xyz></axis>"), "the axis of joint `q` is zero", "direction"),
         (
@@ -489,7 +505,11 @@ fn wrong_mujoco_models_are_refused_with_the_reason_and_the_fix() {
         (mujoco("<compiler coordinate=\"global\"/>", hinge), "coordinates are global", "2.3.3"),
         (mujoco("<compiler eulerseq=\"xy\"/>", hinge), "`eulerseq` is \"xy\"", "xyz"),
         (mujoco("<compiler angle=\"turns\"/>", hinge), "`angle` is \"turns\"", "degree or radian"),
-        (mujoco("<option><flag passive=\"disable\"/></option>", hinge), "the flag `passive`", "remove"),
+        (
+            mujoco("<option><flag passive=\"disable\"/></option>", hinge),
+            "the flag `passive`",
+            "`spring` and `damper`",
+        ),
         (
             mujoco("<include file=\"none.xml\"/>", hinge),
             "`none.xml`, which is included, cannot be read",
@@ -565,7 +585,31 @@ fn classes_of_motors_are_by_their_kind() {
             "kv_q*(ctrl_q - q_dot);",
             "kv_q = 4;",
         ),
+        // Where the last element is of another kind, the nearest class around that ends with its own kind counts.
+        ("<velocity kv=\"3\"/><motor/>", "<velocity joint=\"q\"/>", "kv_q*(ctrl_q - q_dot);", "kv_q = 1;"),
+        ("<velocity kv=\"3\"/><position/>", "<velocity joint=\"q\"/>", "kv_q*(ctrl_q - q_dot);", "kv_q = 1;"),
+        (
+            "<position kp=\"5\" kv=\"2\"/><default class=\"a\"><velocity kv=\"7\"/></default>",
+            "<position joint=\"q\" class=\"a\"/>",
+            "kp_q*(ctrl_q - q) - kv_q*q_dot;",
+            "kv_q = 2;",
+        ),
+        (
+            "<motor/><general gainprm=\"7\"/><position kp=\"5\"/>",
+            "<velocity joint=\"q\"/>",
+            "kv_q*(ctrl_q - q_dot);",
+            "kv_q = 1;",
+        ),
     ];
+    // The damping of a servo above zero is a part of the critical one.
+    let ratio =
+        "<default><general biasprm=\"0 0 0.5\"/></default><actuator><position joint=\"q\"/></actuator>";
+    let told = imported(&mujoco(ratio, "<joint name=\"q\"/>"), &Options::default());
+    assert!(
+        told.notes.iter().any(|note| note.message.ends_with("its damping is by a ratio")),
+        "{}",
+        told.text
+    );
     for (class, motor, force, value) in cases {
         let head = format!("<default>{class}</default><actuator>{motor}</actuator>");
         let text = imported(&mujoco(&head, "<joint name=\"q\"/>"), &Options::default()).text;
@@ -696,6 +740,14 @@ fn wrong_files_are_refused_with_the_reason_and_the_fix() {
         (joint(hinge, "<axis xyz=\"0 0 nan\"/>"), "`xyz` is \"0 0 nan\", not 3 numbers", "decimal"),
         (joint(hinge, "<axis xyz=\"0 0 0\"/>"), "the axis of joint `q` is zero", "direction"),
         (joint("name=\"q\" type=\"ball\"", ""), "joint `q` has the type `ball`", "revolute"),
+        (
+            joint("name=\"q\" type=\"ball\"", "").replace(
+                "</robot>",
+                "<transmission><type>SimpleTransmission</type><joint name=\"q\"/><actuator name=\"m\"/></transmission></robot>",
+            ),
+            "joint `q` has the type `ball`",
+            "revolute",
+        ),
         (joint("name=\"q\" type=\"planar\"", "<axis xyz=\"0 1 1\"/>"), "the plane of joint `q`", "`0 0 1`"),
         (joint("name=\"q\" type=\"fixed\"", ""), "nothing moves", "--floating"),
         (joint("name=\"q\"", ""), "`joint` has no `type`", "type=\"..\""),

@@ -5,10 +5,9 @@
 use std::fmt::Write as _;
 
 use crate::names::Names;
-use crate::number::Number;
 use crate::options::Options;
+use crate::places;
 use crate::robot::{JointKind, Pose, Robot};
-use crate::rotation::Rotation;
 use crate::vertical::Vertical;
 
 /// Names of one free motion.
@@ -122,13 +121,13 @@ impl Floats {
         found.map_or_else(|| Free::new(""), |(_, free)| free.clone())
     }
 
-    /// The items that declare the motion of a link.
+    /// The items that declare the motion of a link. It starts in the last of some frames, each in the one before it.
     pub(crate) fn items(
         &mut self,
         link: usize,
         file_name: &str,
         vertical: Option<&Vertical>,
-        start: &Pose,
+        start: &[Pose],
     ) -> String {
         let Free { spin, velocity, up, height, attitude, place } = self.of(link);
         let mut out = format!("// {file_name}, which moves freely.\n");
@@ -154,8 +153,7 @@ impl Floats {
             _ => {}
         }
         self.is_declared = true;
-        let turn = start.turn.text();
-        let is_moved = !start.place.iter().all(Number::is_zero);
+        let (turn, at) = (places::turn_of(start), places::origin_of(start));
         if let Some(vertical) = vertical {
             let initial = match &turn {
                 Some(turn) => format!("transpose({turn})*{}", vertical.up),
@@ -169,9 +167,8 @@ impl Floats {
                  advected {height} in R by -dot({velocity}, {up});\n\
                  initial {up} = {initial};"
             );
-            if is_moved {
-                let at = crate::number::vector(&start.place);
-                _ = writeln!(out, "initial {height} = dot({}, {at});", vertical.up);
+            if !at.is_empty() {
+                _ = writeln!(out, "initial {height} = dot({}, {});", vertical.up, places::sum(&at));
             }
         }
         _ = writeln!(
@@ -180,34 +177,12 @@ impl Floats {
              reconstruct {attitude}, {place} in SE(3){};",
             if self.are_all { String::new() } else { format!(" from {spin}, {velocity}") }
         );
-        if let Some(quaternion) = quaternion(start) {
+        if let Some(quaternion) = places::quaternion(start.iter().flat_map(|pose| &pose.turn.factors)) {
             _ = writeln!(out, "initial {attitude} = {quaternion};");
         }
-        if is_moved {
-            _ = writeln!(out, "initial {place} = {};", crate::number::vector(&start.place));
+        if !at.is_empty() {
+            _ = writeln!(out, "initial {place} = {};", places::sum(&at));
         }
         out
-    }
-}
-
-/// The attitude of a start by a quaternion; nothing where that is one.
-fn quaternion(start: &Pose) -> Option<String> {
-    let about = |axis: &str, angle: &str| {
-        let half = format!("({angle})/2");
-        let vector = match axis {
-            "e1" => format!("sin({half}), 0, 0"),
-            "e2" => format!("0, sin({half}), 0"),
-            "e3" => format!("0, 0, sin({half})"),
-            _ => {
-                let entry = |k: usize| format!("sin({half})*{axis}[{k}]");
-                format!("{}, {}, {}", entry(1), entry(2), entry(3))
-            }
-        };
-        format!("[cos({half}), {vector}]")
-    };
-    match &start.turn.factors[..] {
-        [Rotation::About(axis, angle)] => Some(about(axis, &angle.in_radians())),
-        [Rotation::Quaternion(entries)] => Some(format!("unit({})", crate::number::vector(entries))),
-        _ => None,
     }
 }

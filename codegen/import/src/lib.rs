@@ -28,6 +28,7 @@ mod names;
 mod number;
 mod options;
 mod parameters;
+mod places;
 mod problems;
 mod robot;
 mod rotation;
@@ -208,6 +209,19 @@ fn lock(robot: &mut robot::Robot, options: &Options, problems: &mut problems::Pr
         };
         problems.note(&joint.span, format!("joint `{name}` is locked at {at}"));
     }
+    let joints = &robot.joints;
+    robot.motors.retain(|motor| {
+        let joint = &joints[motor.joint];
+        let is_fixed = matches!(joint.kind, robot::JointKind::Fixed);
+        if is_fixed {
+            let message = format!(
+                "the motor `{}` acts on `{}`, which is fixed: it is left out",
+                motor.name, joint.name
+            );
+            problems.note(&joint.span, message);
+        }
+        !is_fixed
+    });
 }
 
 /// A text without characters that end a comment, or hide it.

@@ -11,7 +11,8 @@
 
 use std::fmt::Write as _;
 
-use crate::number::{Number, ZERO, vector};
+use crate::number::{Number, ZERO};
+use crate::places::{in_product, origin, placed, sum, turned};
 use crate::problems::Problems;
 use crate::robot::{End, Held, JointKind, Loop, Pose, Robot};
 use crate::rotation::{Axis, Rotation, Turn};
@@ -299,39 +300,4 @@ struct Second {
 fn turns_about(turn: &Turn, axis: usize) -> bool {
     let own = format!("e{}", axis + 1);
     turn.factors.iter().all(|factor| matches!(factor, Rotation::About(about, _) if *about == own))
-}
-
-/// A point of a frame, by its terms there, in the frame before.
-fn placed(pose: &Pose, mut terms: Vec<String>) -> Vec<String> {
-    let known = |v: &[Number; 3]| (!v.iter().all(Number::is_zero)).then(|| vector(v));
-    terms.splice(0..0, known(&pose.anchor));
-    if let Some(turn) = pose.turn.text() {
-        terms = turned(&turn, terms);
-    }
-    terms.splice(0..0, known(&pose.place));
-    terms
-}
-
-fn origin(pose: &Pose) -> Vec<String> {
-    placed(pose, Vec::new())
-}
-
-fn sum(terms: &[String]) -> String {
-    if terms.is_empty() { ZERO.to_owned() } else { terms.join(" + ") }
-}
-
-/// A sum in parentheses.
-fn in_product(text: &str) -> String {
-    match text.contains(" + ") || text.contains("- ") {
-        true => format!("({text})"),
-        false => text.to_owned(),
-    }
-}
-
-/// A rotated sum; zero stays.
-fn turned(rotation: &str, terms: Vec<String>) -> Vec<String> {
-    if terms.is_empty() {
-        return terms;
-    }
-    vec![format!("{rotation}*{}", in_product(&sum(&terms)))]
 }

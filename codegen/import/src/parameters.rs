@@ -13,6 +13,7 @@ use crate::solid::Solid;
 /// Everything that is named after a body with mass.
 pub(crate) const OF_PART: &[&str] = &[
     "mass_*",
+    "lift_*",
     "density_*",
     "radius_*",
     "half_*",
@@ -48,10 +49,14 @@ pub(crate) const OF_PLACE: &[&str] = &[
 pub(crate) struct Part {
     /// Nothing for zero.
     pub(crate) mass: Option<String>,
+    /// The mass that gravity pulls; nothing for zero.
+    pub(crate) weight: Option<String>,
     /// The mass centre and the frame of the moments.
     pub(crate) pose: Pose,
     /// The matrix of moments of inertia in its frame; nothing for zero.
     pub(crate) matrix: Option<String>,
+    /// The items that declare its mass alone.
+    pub(crate) of_mass: String,
     /// The items that declare all of it.
     pub(crate) items: String,
 }
@@ -110,7 +115,7 @@ fn declare_turn(items: &mut String, turn: &mut Turn, of: &str, link: &str, prefi
                     declare(items, number, format!("{prefix}{entry}_{link}"), &doc, false);
                 }
             }
-            Rotation::Axes(..) | Rotation::Onto(_) => {}
+            Rotation::Axes(..) => {}
         }
     }
 }
@@ -136,7 +141,7 @@ pub(crate) fn parameters(
         _ = writeln!(head, "/// Sum of the masses, in kg.\nparam total_mass = {};", total.text);
         _ = writeln!(head, "let mass_scale = total_mass/({});", masses.join(" + "));
         for part in parts.iter_mut().flatten() {
-            for factor in [&mut part.mass, &mut part.matrix].into_iter().flatten() {
+            for factor in [&mut part.mass, &mut part.weight, &mut part.matrix].into_iter().flatten() {
                 *factor = format!("mass_scale*{factor}");
             }
         }
@@ -182,9 +187,9 @@ pub(crate) fn parameters(
 }
 
 fn part(inertia: &Inertia, name: &str) -> Part {
-    let Inertia { name: of, mass, pose, moments } = inertia;
+    let Inertia { name: of, mass, pose, moments, lift } = inertia;
     let mut pose = pose.clone();
-    let mut items = String::new();
+    let (mut items, mut of_mass) = (String::new(), String::new());
     let sizes = match moments {
         Moments::Solid(solid) => sizes(&mut items, solid, of, name),
         Moments::Given(_) => Vec::new(),
@@ -193,19 +198,32 @@ fn part(inertia: &Inertia, name: &str) -> Part {
         (Mass::Given(mass), _) if mass.is_zero() => None,
         (Mass::Density(density), Moments::Solid(solid)) => {
             let doc = format!("Density of {of}, in kg/m^3.");
-            declare(&mut items, &mut density.clone(), format!("density_{name}"), &doc, true);
-            _ = writeln!(items, "let mass_{name} = density_{name}*{};", solid.shape.volume(&sizes));
+            of_mass.clone_from(&items);
+            items.clear();
+            declare(&mut of_mass, &mut density.clone(), format!("density_{name}"), &doc, true);
+            _ = writeln!(of_mass, "let mass_{name} = density_{name}*{};", solid.shape.volume(&sizes));
             Some(format!("mass_{name}"))
         }
         (Mass::Given(mass) | Mass::Density(mass), _) => {
             let mut mass = mass.clone();
-            declare(&mut items, &mut mass, format!("mass_{name}"), &format!("Mass of {of}, in kg."), true);
+            declare(&mut of_mass, &mut mass, format!("mass_{name}"), &format!("Mass of {of}, in kg."), true);
             Some(mass.text)
         }
     };
+    items.push_str(&of_mass);
     if mass.is_none() {
         (pose.place, pose.anchor) = (zeros(), zeros());
     }
+    let mut lift = lift.clone();
+    let weight = match &mass {
+        Some(_) if lift.equals(&Number::one()) => None,
+        Some(mass) if !lift.is_zero() => {
+            let doc = format!("Part of the weight of {of} that is held up.");
+            declare(&mut items, &mut lift, format!("lift_{name}"), &doc, false);
+            Some(format!("(1 - {})*{mass}", lift.text))
+        }
+        _ => mass.clone(),
+    };
     let doc = format!("Mass centre of {of}, in m.");
     for (number, prefix) in pose.place.iter_mut().zip(["cx", "cy", "cz"]) {
         declare(&mut items, number, format!("{prefix}_{name}"), &doc, false);
@@ -244,7 +262,7 @@ fn part(inertia: &Inertia, name: &str) -> Part {
             Some(solid.matrix(&names))
         }
     };
-    Part { mass, pose, matrix, items }
+    Part { mass, weight, pose, matrix, of_mass, items }
 }
 
 /// Declares the sizes of a solid; their names.

@@ -45,13 +45,24 @@ pub(crate) struct Inertia {
     /// The frame of the moments of inertia, whose origin is the mass centre, in that of the link.
     pub(crate) pose: Pose,
     pub(crate) moments: Moments,
+    /// The part of the weight that is held up: zero, or one for a mass that gravity does not pull.
+    pub(crate) lift: Number,
 }
 
 #[derive(Clone, Debug)]
 pub(crate) struct Link {
     pub(crate) name: String,
     pub(crate) inertias: Vec<Inertia>,
+    /// The origin of its frame in the file, in its frame here, whose origin is in its joint.
+    pub(crate) origin: [Number; 3],
     pub(crate) span: Range<usize>,
+}
+
+impl Link {
+    /// A link without mass.
+    pub(crate) fn new(name: String, span: Range<usize>) -> Link {
+        Link { name, inertias: Vec::new(), origin: zeros(), span }
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -176,6 +187,8 @@ pub(crate) struct Robot {
     pub(crate) joints: Vec<Joint>,
     /// The link that is no child.
     pub(crate) root: usize,
+    /// Where the root is at the start: the last of some frames, each in the one before it, the first in space.
+    pub(crate) start: Vec<Pose>,
     /// Whether the root is the ground, and not a body that may move.
     pub(crate) has_ground: bool,
     pub(crate) motors: Vec<Motor>,

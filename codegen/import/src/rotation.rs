@@ -23,8 +23,6 @@ pub(crate) enum Rotation {
     Quaternion([Number; 4]),
     /// The first axis along a vector, the second in its plane with another one.
     Axes([Number; 3], [Number; 3]),
-    /// The shortest rotation that puts the third axis along a vector.
-    Onto([Number; 3]),
 }
 
 impl Rotation {
@@ -49,14 +47,56 @@ impl Rotation {
                 let z = format!("unit(cross({x}, {y}))");
                 format!("transpose([unit({x}), cross({z}, unit({x})), {z}])")
             }
-            // R = 1 + hat(a) + hat(a)^2/(1 + c) with a = e3 x u, c = e3.u
-            Rotation::Onto(z) => {
-                let z = vector(z);
-                let a = format!("cross([0, 0, 1], unit({z}))");
-                format!("(identity(3) + hat({a}) + hat({a})*hat({a})/(1 + dot([0, 0, 1], unit({z}))))")
+        }
+    }
+
+    /// Entries `w, x, y, z` of a quaternion of any length; nothing for zero.
+    pub(crate) fn quaternion(&self) -> [Option<String>; 4] {
+        let known = |number: &Number| (!number.is_zero()).then(|| number.in_radians());
+        match self {
+            Rotation::About(axis, angle) => {
+                let half = format!("({})/2", angle.in_radians());
+                let of = |k: usize| match axis.strip_prefix('e').and_then(|own| own.parse::<usize>().ok()) {
+                    Some(own) => (own == k).then(|| format!("sin({half})")),
+                    None => Some(format!("sin({half})*{axis}[{k}]")),
+                };
+                [Some(format!("cos({half})")), of(1), of(2), of(3)]
+            }
+            Rotation::Quaternion(entries) => entries.each_ref().map(known),
+            Rotation::Axes(x, y) => {
+                let matrix = self.text();
+                let at = |i: usize, j: usize| format!("{matrix}[{i}, {j}]");
+                // A row of the matrix `4 q q^T`, that of the largest entry of q.
+                let trace = |signs: [&str; 3]| {
+                    let terms = (1..=3).zip(signs).map(|(k, sign)| format!(" {sign} {}", at(k, k)));
+                    Some(format!("1{}", terms.collect::<String>()))
+                };
+                let pair = |i: usize, sign: &str, j: usize| Some(format!("{} {sign} {}", at(i, j), at(j, i)));
+                match largest_entry(x, y) {
+                    0 => [trace(["+", "+", "+"]), pair(3, "-", 2), pair(1, "-", 3), pair(2, "-", 1)],
+                    1 => [pair(3, "-", 2), trace(["+", "-", "-"]), pair(1, "+", 2), pair(1, "+", 3)],
+                    2 => [pair(1, "-", 3), pair(1, "+", 2), trace(["-", "+", "-"]), pair(2, "+", 3)],
+                    _ => [pair(2, "-", 1), pair(1, "+", 3), pair(2, "+", 3), trace(["-", "-", "+"])],
+                }
             }
         }
     }
+}
+
+/// The number of the largest entry of the quaternion of the axes along `x` and near `y`, as [`Rotation::Axes`].
+fn largest_entry(x: &[Number; 3], y: &[Number; 3]) -> usize {
+    let [a, b] = [x, y].map(|v| [v[0].value, v[1].value, v[2].value]);
+    let cross = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] {
+        std::array::from_fn(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
+    };
+    let unit = |v: [f64; 3]| {
+        let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        v.map(|x| x / length)
+    };
+    let (first, third) = (unit(a), unit(cross(a, b)));
+    let [r, s, t] = [first[0], cross(third, first)[1], third[2]];
+    let squares = [1.0 + r + s + t, 1.0 + r - s - t, 1.0 - r + s - t, 1.0 - r - s + t];
+    (0..4).max_by(|i, j| squares[*i].total_cmp(&squares[*j])).unwrap_or(0)
 }
 
 /// A rotation that takes components in a frame to those in the frame before.
@@ -128,7 +168,24 @@ impl Turn {
                 let sign = if is_against == (k == 0) { "-" } else { "" };
                 turn.factors.push(Rotation::About(axis.into(), quarter(sign)));
             }
-            None => turn.factors.push(Rotation::Onto(z)),
+            // The quaternion `n + z3, -z2, z1, 0` with the length n; near the opposite direction that sum would lose
+            // its digits. It is one number of the file in several places, and no parameters.
+            None => {
+                let [x, y, _] = &z;
+                let [w, against] = [&z[2], &z[2].negative()].map(|number| number.factor());
+                let (n, value) = (format!("norm({})", vector(&z)), 1.0);
+                let first = match z[2].value < 0.0 {
+                    true => format!("({}^2 + {}^2)/({n} + {against})", x.factor(), y.factor()),
+                    false => format!("{n} + {w}"),
+                };
+                let entry = |n: Number| match n.is_zero() {
+                    true => n,
+                    false => Number::expression(n.text, n.value),
+                };
+                let entries =
+                    [Number::expression(first, value), entry(y.negative()), entry(x.clone()), Number::zero()];
+                turn.factors.push(Rotation::Quaternion(entries));
+            }
         }
         Some(turn)
     }

@@ -28,11 +28,8 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, robot: Element<'a>, file_stem: &str)
             let help = "give each link a name of its own";
             reader.error(&place(element, "name"), format!("link `{name}` is declared twice"), help);
         }
-        links.push(Link {
-            name: name.to_owned(),
-            inertias: inertia(reader, element, name).into_iter().collect(),
-            span: place(element, "name"),
-        });
+        let inertias = inertia(reader, element, name).into_iter().collect();
+        links.push(Link { inertias, ..Link::new(name.to_owned(), place(element, "name")) });
     }
     let mut joints = Vec::new();
     let mut followers = Vec::new();
@@ -69,6 +66,7 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, robot: Element<'a>, file_stem: &str)
         links,
         joints,
         root: 0,
+        start: Vec::new(),
         has_ground: false,
         motors,
         loops: Vec::new(),
@@ -113,12 +111,18 @@ fn motors<'a>(
             );
             continue;
         };
-        if !matches!(joints[k].kind, JointKind::Revolute(_) | JointKind::Prismatic(_)) {
+        // A joint that is refused is not there.
+        let Some(own) = joints.get(k) else { continue };
+        if !matches!(own.kind, JointKind::Revolute(_) | JointKind::Prismatic(_)) {
             leave("its joint has not one coordinate");
             continue;
         }
         let reductions = [*actuator, *joint].map(|of| reader.child(of, "mechanicalReduction"));
         let mut gear = Number::one();
+        if let [Some(_), Some(second)] = reductions {
+            let message = "the reduction of the joint is not taken: that of the actuator is";
+            reader.note(&head(second), message);
+        }
         if let Some(reduction) = reductions.into_iter().flatten().next() {
             let text = reduction.text().unwrap_or_default().trim();
             match Number::decimal(text).filter(|ratio| !ratio.is_zero()) {
@@ -182,6 +186,7 @@ fn inertia<'a>(reader: &Reader<'a>, link: Element<'a>, name: &str) -> Option<Ine
         mass: Mass::Given(mass),
         pose,
         moments: Moments::Given(moments),
+        lift: Number::zero(),
     })
 }
 

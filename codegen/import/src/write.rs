@@ -9,6 +9,8 @@
 //!
 //! Deliberately does not know: XML, how equations are derived.
 
+mod frames;
+
 use std::fmt::Write as _;
 
 use crate::floats::Floats;
@@ -18,6 +20,7 @@ use crate::names::Names;
 use crate::number::{Number, ZERO, vector};
 use crate::options::{Limits, Options};
 use crate::parameters::{OF_PLACE, Parameters, parameters};
+use crate::places;
 use crate::problems::Problems;
 use crate::robot::{JointKind, Pose, Robot};
 use crate::vertical::Vertical;
@@ -92,6 +95,8 @@ struct Writer<'a> {
     motion: Motion,
     /// Places and rotations of links in the frames of their joints, by joint, where that has a coordinate.
     moved: Vec<Option<(Option<String>, Option<String>)>>,
+    /// Links whose masses have been declared.
+    is_written: Vec<bool>,
     /// Whether the numbers of the frame of a joint have been declared.
     is_declared: Vec<bool>,
 }
@@ -138,6 +143,7 @@ pub(crate) fn items(file: &Robot, options: &Options, problems: &mut Problems) ->
         bodies: Vec::new(),
         motion,
         moved: vec![None; robot.joints.len()],
+        is_written: vec![false; robot.links.len()],
         is_declared: vec![false; robot.joints.len()],
     };
     writer.root(problems);
@@ -160,6 +166,16 @@ impl Writer<'_> {
             || self.robot.joints.iter().any(|joint| {
                 let goes_on = !rigidly || matches!(joint.kind, JointKind::Fixed);
                 joint.parent == link && goes_on && self.has_inertia(joint.child, rigidly)
+            })
+    }
+
+    /// Whether gravity pulls on a link that moves, on this one or behind it.
+    fn has_weight(&self, link: usize, moves: bool) -> bool {
+        (moves && self.parameters.parts[link].iter().any(|part| part.weight.is_some()))
+            || self.robot.joints.iter().filter(|joint| joint.parent == link).any(|joint| match joint.kind {
+                JointKind::Fixed => self.has_weight(joint.child, moves),
+                JointKind::Floating => false,
+                _ => self.has_weight(joint.child, true),
             })
     }
 
@@ -192,7 +208,7 @@ impl Writer<'_> {
             } else if !self.floats.joints.is_empty() {
                 problems.error(span, "the base floats, and a joint is floating", help);
             }
-            self.floating(root, &Pose::identity());
+            self.floating(root, &self.file.start.clone());
             return;
         }
         let is_named = self.has_motion(root);
@@ -202,8 +218,12 @@ impl Writer<'_> {
         for (prefix, value) in [("w", ZERO), ("v", ZERO)].into_iter().filter(|_| is_named) {
             self.line(&format!("let {prefix}_{name} = {value};"));
         }
-        let vertical = self.vertical.as_ref().filter(|_| is_named);
+        let vertical = self.vertical.as_ref().filter(|_| is_named && self.has_weight(root, false));
         if let Some(up) = vertical.map(|vertical| vertical.up.clone()) {
+            let up = match places::turn_of(&self.file.start) {
+                Some(turn) => format!("transpose({turn})*{up}"),
+                None => up,
+            };
             self.line(&format!("let up_{name} = {up};"));
             self.line(&format!("let h_{name} = 0;"));
         }
@@ -218,13 +238,13 @@ impl Writer<'_> {
     }
 
     /// A link that moves freely: its velocities in its frame, the vertical and its height.
-    fn floating(&mut self, link: usize, start: &Pose) {
+    fn floating(&mut self, link: usize, start: &[Pose]) {
         let name = self.links[link].clone();
         let items = self.floats.items(link, &self.robot.links[link].name, self.vertical.as_ref(), start);
         self.out.push_str(&items);
         let own = self.floats.of(link);
         self.out.push_str(&format!("let w_{name} = {};\nlet v_{name} = {};\n", own.spin, own.velocity));
-        if self.vertical.is_some() {
+        if self.vertical.is_some() && self.has_weight(link, true) {
             self.out.push_str(&format!("let up_{name} = {};\nlet h_{name} = {};\n", own.up, own.height));
         }
         self.carried[link] = Some(Carried { carrier: link, place: None, turn: None });
@@ -233,74 +253,41 @@ impl Writer<'_> {
 
     fn joint(&mut self, k: usize, problems: &mut Problems) {
         let joint = &self.robot.joints[k];
+        if matches!(joint.kind, JointKind::Floating) {
+            self.free(k, problems);
+            return;
+        }
         let Some(parent) = self.carried[joint.parent].clone() else { return };
         let (link, name) = (joint.child, self.links[joint.child].clone());
         let behind = self.has_inertia(link, false);
-        match &joint.kind {
-            JointKind::Fixed => {
-                // Masses at rest say nothing.
-                let rests = parent.carrier == self.robot.root && !self.options.floating;
-                if !behind || (rests && !self.has_motion(link)) {
-                    return;
-                }
-                self.line(&format!(
-                    "\n// {}, fixed to {}.",
-                    self.robot.links[link].name, self.robot.links[joint.parent].name
-                ));
-                self.declare_frame_of(k);
-                let (place, turn) = (parent.place_of(&joint.pose), parent.turn_of(&joint.pose));
-                let is_there = place == ZERO;
-                if !is_there {
-                    self.line(&format!("let r_{name} = {place};"));
-                }
-                if let Some(turn) = turn.as_ref().filter(|_| self.is_turned(link)) {
-                    self.line(&format!("let Q_{name} = {turn};"));
-                }
-                self.carried[link] = Some(Carried {
-                    carrier: parent.carrier,
-                    place: (!is_there).then(|| format!("r_{name}")),
-                    turn: turn.map(|_| format!("Q_{name}")),
-                });
+        if matches!(joint.kind, JointKind::Fixed) {
+            // Masses at rest say nothing.
+            let rests = parent.carrier == self.robot.root && !self.options.floating;
+            if !behind || (rests && !self.has_motion(link)) {
                 return;
             }
-            JointKind::Floating => {
-                if parent.carrier != self.robot.root || self.options.floating {
-                    let message = format!("joint `{}` is floating, and its parent moves", joint.name);
-                    problems.error(
-                        &joint.span,
-                        message,
-                        "join it to the link at rest, or make it another joint",
-                    );
-                    return;
-                }
-                if !behind {
-                    let help = "give it an `inertial`, or make the joint fixed";
-                    let message = format!("joint `{}` moves links without mass and inertia", joint.name);
-                    problems.error(&joint.span, message, help);
-                    return;
-                }
-                self.out.push('\n');
-                let pose = joint.pose.clone();
-                self.declare_frame_of(k);
-                let free = self.floats.of(link);
-                self.motion.free(&mut self.out, joint, &name, (&free.spin, &free.velocity));
-                self.floating(link, &pose);
-                return;
+            self.line(&format!(
+                "\n// {}, fixed to {}.",
+                self.robot.links[link].name, self.robot.links[joint.parent].name
+            ));
+            self.declare_frame_of(k);
+            let (place, turn) = (parent.place_of(&joint.pose), parent.turn_of(&joint.pose));
+            let is_there = place == ZERO;
+            if !is_there {
+                self.line(&format!("let r_{name} = {place};"));
             }
-            _ => {}
+            if let Some(turn) = turn.as_ref().filter(|_| self.is_turned(link)) {
+                self.line(&format!("let Q_{name} = {turn};"));
+            }
+            self.carried[link] = Some(Carried {
+                carrier: parent.carrier,
+                place: (!is_there).then(|| format!("r_{name}")),
+                turn: turn.map(|_| format!("Q_{name}")),
+            });
+            return;
         }
         if !behind {
-            let message = format!("joint `{}` moves links without mass and inertia", joint.name);
-            match joint.mimic {
-                Some(_) => problems.note(&joint.span, format!("{message}: it is left out")),
-                None => {
-                    let help = format!(
-                        "give them an `inertial`, make the joint fixed, or write `--lock {}`",
-                        joint.name
-                    );
-                    problems.error(&joint.span, message, &help);
-                }
-            }
+            self.without_mass(k, problems);
             return;
         }
         let coordinates =
@@ -334,12 +321,71 @@ impl Writer<'_> {
         let raised = if place == ZERO { String::new() } else { format!(" + dot(up_{carrier}, {place})") };
         self.line(&format!("let w_{name} = {back}w_{carrier}{w};"));
         self.line(&format!("let v_{name} = {back}{moved}{v};"));
-        if self.vertical.is_some() {
+        if self.vertical.is_some() && self.has_weight(link, true) {
             self.line(&format!("let up_{name} = {back}up_{carrier};"));
             self.line(&format!("let h_{name} = h_{carrier}{raised};"));
         }
         self.carried[link] = Some(Carried { carrier: link, place: None, turn: None });
         self.body(link);
+    }
+
+    /// A joint that moves no mass: it has its forces and its followers where it follows another one.
+    fn without_mass(&mut self, k: usize, problems: &mut Problems) {
+        let joint = &self.robot.joints[k];
+        let message = format!("joint `{}` moves links without mass and inertia", joint.name);
+        if joint.mimic.is_none() {
+            let help =
+                format!("give them an `inertial`, make the joint fixed, or write `--lock {}`", joint.name);
+            problems.error(&joint.span, message, &help);
+            return;
+        }
+        let is_followed =
+            self.robot.joints.iter().any(|other| other.mimic.as_ref().is_some_and(|mimic| mimic.joint == k));
+        let is_driven = self.robot.motors.iter().any(|motor| motor.joint == k);
+        let has_forces = [&joint.damping, &joint.friction, &joint.armature].iter().any(|n| !n.is_zero());
+        if !(is_followed || is_driven || has_forces || joint.spring.is_some()) {
+            problems.note(&joint.span, format!("{message}: it is left out"));
+            return;
+        }
+        let own = self.motion.declare(&mut self.out, self.robot, &self.joints, k, self.options.limits);
+        self.moved[k] = Some((own.shift, own.rotation));
+    }
+
+    /// A joint that lets a link move freely of everything at rest.
+    fn free(&mut self, k: usize, problems: &mut Problems) {
+        let joint = &self.robot.joints[k];
+        let (link, name) = (joint.child, self.links[joint.child].clone());
+        let Some(mut start) = self.at_rest(joint.parent) else {
+            let message = format!("joint `{}` is floating, and its parent moves", joint.name);
+            let help = "join it to the link at rest, or make it another joint";
+            problems.error(&joint.span, message, help);
+            return;
+        };
+        if !self.has_inertia(link, false) {
+            let help = "give it an `inertial`, or make the joint fixed";
+            let message = format!("joint `{}` moves links without mass and inertia", joint.name);
+            problems.error(&joint.span, message, help);
+            return;
+        }
+        start.push(joint.pose.clone());
+        self.out.push('\n');
+        self.declare_frame_of(k);
+        let free = self.floats.of(link);
+        self.motion.free(&mut self.out, joint, &name, (&free.spin, &free.velocity));
+        self.floating(link, &start);
+    }
+
+    /// The frame of a link in space where only fixed joints are before it; nothing for one that moves.
+    fn at_rest(&self, link: usize) -> Option<Vec<Pose>> {
+        let Some(joint) = self.file.joints.iter().find(|joint| joint.child == link) else {
+            return (!self.options.floating).then(|| self.file.start.clone());
+        };
+        let mut frames = match joint.kind {
+            JointKind::Fixed => self.at_rest(joint.parent)?,
+            _ => return None,
+        };
+        frames.push(joint.pose.clone());
+        Some(frames)
     }
 
     fn loops(&mut self, problems: &mut Problems) {
@@ -371,146 +417,6 @@ impl Writer<'_> {
         }
     }
 
-    /// The frames of links that are asked for: places and rotations by the links before, from the link at rest or from
-    /// the one that moves freely.
-    fn frames(&mut self, problems: &mut Problems) {
-        let mut placed: Vec<Option<Carried>> = vec![None; self.robot.links.len()];
-        for name in &self.options.frames {
-            let Some(link) = self.robot.links.iter().position(|link| link.name == *name) else {
-                let list: Vec<&str> = self.robot.links.iter().map(|link| link.name.as_str()).collect();
-                let help = format!("links are {}", list.join(", "));
-                problems.error(&(0..0), format!("there is no link `{name}` to have a frame"), &help);
-                continue;
-            };
-            if placed.iter().all(Option::is_none) {
-                self.line("\n// Frames.");
-            }
-            let frame = self.placed(link, &mut placed, problems);
-            let is_free = self.is_free(frame.carrier);
-            let own = self.links[link].clone();
-            let mut item = format!("frame {own}");
-            if is_free && frame.carrier != link {
-                item.push_str(&format!(" on {}", self.links[frame.carrier]));
-            }
-            if is_free && frame.carrier == link {
-                // Declared where the first frame is on it.
-                continue;
-            }
-            if let Some(place) = &frame.place {
-                item.push_str(&format!(" at {place}"));
-            }
-            if let Some(turn) = &frame.turn {
-                item.push_str(&format!(" attitude {turn}"));
-            }
-            let file_name = self.robot.links[link].name.clone();
-            self.line(&format!("/// {file_name}\n{item};"));
-        }
-        if self.options.bodies {
-            self.place_bodies(&mut placed, problems);
-        }
-    }
-
-    /// The bodies, each on the frame of the link at rest or of the one that moves freely.
-    fn place_bodies(&mut self, placed: &mut Vec<Option<Carried>>, problems: &mut Problems) {
-        self.line("\n// Bodies.");
-        let root = self.robot.root;
-        let mut lacks_frame =
-            !self.is_free(root) && !self.options.frames.contains(&self.robot.links[root].name);
-        for (link, has_mass, has_moments) in self.bodies.clone() {
-            let frame = self.placed(link, placed, problems);
-            let (own, carrier) = (self.links[link].clone(), self.links[frame.carrier].clone());
-            if frame.carrier == root && std::mem::take(&mut lacks_frame) {
-                let file_name = self.robot.links[root].name.clone();
-                self.line(&format!("/// {file_name}, at rest\nframe {carrier};"));
-            }
-            let mut item = format!("body {own} on {carrier} {{ ");
-            if has_mass {
-                let turned = frame.turn.as_ref().map_or(format!("c_{own}"), |turn| format!("{turn}*c_{own}"));
-                let place = frame.place.as_ref().map(|place| format!("{place} + ")).unwrap_or_default();
-                item.push_str(&format!("mass m_{own}; place {place}{turned}; "));
-            }
-            if has_moments {
-                item.push_str(&format!("inertia I_{own}; "));
-                if let Some(turn) = &frame.turn {
-                    item.push_str(&format!("attitude {turn}; "));
-                }
-            }
-            self.line(&format!("{item}}}"));
-        }
-    }
-
-    /// Whether a link moves without a joint.
-    fn is_free(&self, link: usize) -> bool {
-        let joints = &self.robot.joints;
-        let floats = |k: &usize| joints[*k].child == link;
-        self.floats.joints.iter().any(floats) || (self.options.floating && link == self.robot.root)
-    }
-
-    /// A link in the frame of the link at rest or of the one that moves freely, by names that are written here.
-    fn placed(&mut self, link: usize, placed: &mut Vec<Option<Carried>>, problems: &mut Problems) -> Carried {
-        if let Some(known) = &placed[link] {
-            return known.clone();
-        }
-        let joint = self.robot.joints.iter().position(|joint| joint.child == link);
-        let (name, still) = (self.links[link].clone(), Carried { carrier: link, place: None, turn: None });
-        let found = match joint {
-            Some(k) if !self.is_free(link) => {
-                let before = self.placed(self.robot.joints[k].parent, placed, problems);
-                self.declare_frame_of(k);
-                self.has_coordinates(k, problems);
-                let pose = &self.robot.joints[k].pose;
-                let (shift, rotation) = self.moved[k].clone().unwrap_or_default();
-                let (mut place, turn) = (still.place_of(pose), pose.turn.text());
-                if let Some(shift) = shift {
-                    let shift = turn.as_ref().map_or(shift.clone(), |turn| format!("{turn}*({shift})"));
-                    place = if place == ZERO { shift } else { format!("{place} + {shift}") };
-                }
-                let factors: Vec<String> = turn.into_iter().chain(rotation).collect();
-                let mut own = before.clone();
-                if place != ZERO {
-                    let turned = match &before.turn {
-                        Some(turn) if place.contains(" + ") => format!("{turn}*({place})"),
-                        Some(turn) => format!("{turn}*{place}"),
-                        None => place,
-                    };
-                    let plus = before.place.map(|before| format!("{before} + ")).unwrap_or_default();
-                    self.line(&format!("let p_{name} = {plus}{turned};"));
-                    own.place = Some(format!("p_{name}"));
-                }
-                if !factors.is_empty() {
-                    let all: Vec<String> = before.turn.into_iter().chain(factors).collect();
-                    self.line(&format!("let R_{name} = {};", all.join("*")));
-                    own.turn = Some(format!("R_{name}"));
-                }
-                own
-            }
-            _ => {
-                if self.is_free(link) {
-                    let free = self.floats.of(link);
-                    let file_name = self.robot.links[link].name.clone();
-                    let (at, attitude) = free.pose();
-                    self.line(&format!("/// {file_name}\nframe {name} at {at} attitude {attitude};"));
-                }
-                still
-            }
-        };
-        placed[link] = Some(found.clone());
-        found
-    }
-
-    /// Tells a joint of which the model lacks the coordinates, so that the link behind it has no place.
-    fn has_coordinates(&self, joint: usize, problems: &mut Problems) {
-        let (moved, joint) = (&self.moved[joint], &self.robot.joints[joint]);
-        if moved.is_none() && !matches!(joint.kind, JointKind::Fixed) {
-            let help = format!("write `--lock {}`", joint.name);
-            let message = format!(
-                "link `{}` has no frame: joint `{}` before it moves no mass, and the model lacks it",
-                self.robot.links[joint.child].name, joint.name
-            );
-            problems.error(&joint.span, message, &help);
-        }
-    }
-
     /// Links that fixed joints join to this one, each with its frame.
     fn rigid(&self, link: usize) -> Vec<usize> {
         let mut all = vec![link];
@@ -531,13 +437,14 @@ impl Writer<'_> {
             return;
         }
         let name = self.links[link].clone();
-        let (mut masses, mut moments) = (Vec::new(), Vec::new());
+        let (mut masses, mut moments, mut weights) = (Vec::new(), Vec::new(), Vec::new());
         let (mut all, mut declared) = (Vec::new(), String::new());
         for part in self.rigid(link) {
             let frame = match part == link {
                 true => Carried { carrier: link, place: None, turn: None },
                 false => self.frame_of(part, link),
             };
+            self.is_written[part] = true;
             for part in &self.parameters.parts[part] {
                 declared.push_str(&part.items);
                 all.push((part, frame.place_of(&part.pose), frame.turn_of(&part.pose)));
@@ -548,6 +455,9 @@ impl Writer<'_> {
             if let Some(mass) = &part.mass {
                 masses.push((mass.clone(), place.clone()));
             }
+            if let Some(weight) = &part.weight {
+                weights.push((weight.clone(), place.clone()));
+            }
             if let Some(matrix) = part.matrix.clone() {
                 moments.push(match turn {
                     Some(turn) => format!("{turn}*{matrix}*transpose({turn})"),
@@ -556,6 +466,7 @@ impl Writer<'_> {
             }
         }
         self.out.push_str(&declared);
+        let is_lifted = weights != masses;
         if let [(mass, place)] = &masses[..] {
             let (mass, place) = (mass.clone(), place.clone());
             self.line(&format!("let m_{name} = {mass};"));
@@ -584,8 +495,13 @@ impl Writer<'_> {
         if has_mass {
             self.line(&format!("let u_{name} = v_{name} + cross(w_{name}, c_{name});"));
             energies.push(format!("m_{name}/2*dot(u_{name}, u_{name})"));
-            if self.vertical.is_some() {
-                self.line(&format!("let U_{name} = m_{name}*(h_{name} + dot(up_{name}, c_{name}));"));
+            if !is_lifted {
+                weights = vec![(format!("m_{name}"), format!("c_{name}"))];
+            }
+            if self.vertical.is_some() && !weights.is_empty() {
+                let of = |(mass, at): &(String, String)| format!("{mass}*(h_{name} + dot(up_{name}, {at}))");
+                let terms: Vec<String> = weights.iter().map(of).collect();
+                self.line(&format!("let U_{name} = {};", terms.join(" + ")));
                 self.potential.push(format!("U_{name}"));
             }
         }
@@ -632,6 +548,12 @@ impl Writer<'_> {
             self.out.push_str(&forces);
         }
         let mut head = std::mem::take(&mut self.parameters.head);
+        // Masses at rest are of the sum of all.
+        for (link, parts) in self.parameters.parts.iter().enumerate() {
+            if self.robot.total_mass.is_some() && !self.is_written[link] {
+                parts.iter().for_each(|part| head.push_str(&part.of_mass));
+            }
+        }
         if let Some(vertical) = self.vertical.as_ref().filter(|_| !self.potential.is_empty()) {
             head.push_str(&vertical.gravity);
         }

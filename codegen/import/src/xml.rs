@@ -38,6 +38,11 @@ impl<'a> Reader<'a> {
         self.problems.borrow_mut().error(place, message, help);
     }
 
+    /// Whether no problem has been found so far.
+    pub(crate) fn is_fine(&self) -> bool {
+        self.problems.borrow().errors.is_empty()
+    }
+
     pub(crate) fn note(&self, place: &Range<usize>, message: impl Into<String>) {
         self.problems.borrow_mut().note(place, message);
     }

@@ -14,22 +14,20 @@ use crate::xml::{Element, Reader, place};
 
 /// An actuator while its defaults and itself are read, one after the other.
 #[derive(Clone)]
-struct Actuator {
+struct Actuator<'a> {
     gear: Vec<Number>,
     gain: [Number; 3],
     bias: [Number; 3],
     has_bias: bool,
-    /// The last element was this shortcut.
-    shortcut: Option<&'static str>,
-    /// Gain and bias as each shortcut and `general` have left them.
-    left: BTreeMap<&'static str, ([Number; 3], [Number; 3])>,
+    /// The last element, where that was not `general`.
+    shortcut: Option<&'a str>,
     /// What the model cannot say, with the reason.
     refused: Option<String>,
 }
 
-impl Actuator {
-    /// Takes what an element says.
-    fn apply<'a>(&mut self, reader: &Reader<'a>, element: Element<'a>) {
+impl<'a> Actuator<'a> {
+    /// Takes what an element says, in the classes around.
+    fn apply(&mut self, reader: &Reader<'a>, element: Element<'a>, around: &[Actuator<'a>]) {
         let overlay = |target: &mut [Number; 3], name: &str| {
             for (own, new) in target.iter_mut().zip(reader.list(element, name, 10).into_iter().flatten()) {
                 *own = new;
@@ -42,7 +40,7 @@ impl Actuator {
             }
         }
         let tag = element.tag_name().name();
-        self.begin(tag);
+        self.begin(tag, around);
         match tag {
             "general" => {
                 overlay(&mut self.gain, "gainprm");
@@ -88,23 +86,36 @@ impl Actuator {
             }
             other => self.refused = Some(format!("it is a `{other}`")),
         }
-        let left = (self.gain.clone(), self.bias.clone());
-        self.left.insert(self.shortcut.unwrap_or("general"), left);
     }
 
-    /// A shortcut says everything that `general` could. It knows numbers of `general`, and nothing of other shortcuts.
-    fn begin(&mut self, tag: &str) {
-        let shortcut = ["motor", "position", "velocity"].into_iter().find(|shortcut| *shortcut == tag);
-        if tag != "general" {
-            self.refused = None;
+    /// A shortcut says everything that `general` could, and knows nothing of other shortcuts: where the last element
+    /// was one, it goes on from the nearest class around that ends with its own kind or with `general`.
+    fn begin(&mut self, tag: &'a str, around: &[Actuator<'a>]) {
+        if tag == "general" {
+            self.shortcut = None;
+            return;
         }
-        if let Some(own) = shortcut.filter(|own| self.shortcut.is_some_and(|last| last != *own)) {
-            let fresh = ([Number::one(), Number::zero(), Number::zero()], zeros());
+        self.refused = None;
+        let knows = |other: &Actuator<'a>| other.shortcut.is_none_or(|last| last == tag);
+        if !knows(self) {
+            let found = around.iter().rev().find(|class| knows(class));
             (self.gain, self.bias) =
-                self.left.get(own).or_else(|| self.left.get("general")).cloned().unwrap_or(fresh);
+                found.map_or_else(unsaid, |class| (class.gain.clone(), class.bias.clone()));
         }
-        self.shortcut = shortcut;
+        self.shortcut = Some(tag);
     }
+
+    /// What the model cannot say, with the reason: the damping of a servo above zero is a part of the critical one.
+    fn refusal(&self) -> Option<String> {
+        let is_servo = self.has_bias && self.bias[1].equals(&self.gain[0].negative());
+        let is_ratio = is_servo && self.bias[2].value > 0.0;
+        self.refused.clone().or_else(|| is_ratio.then(|| "its damping is by a ratio".to_owned()))
+    }
+}
+
+/// Gain and bias of an actuator that says neither.
+fn unsaid() -> ([Number; 3], [Number; 3]) {
+    ([Number::one(), Number::zero(), Number::zero()], zeros())
 }
 
 /// The motors of a file.
@@ -129,6 +140,11 @@ pub(super) fn motors<'a>(
             let help = "write an `input` and a `force` into the model";
             reader.note_with_help(&place(element, at), format!("{shown} is not taken: {why}"), help);
         };
+        if settings.is_off("actuation") {
+            leave("name", "the flag `actuation` switches it off");
+            reader.skip(element);
+            continue;
+        }
         let Some(joint) = reader.attribute(element, "joint").or(reader.attribute(element, "jointinparent"))
         else {
             leave("name", "it acts on no joint");
@@ -139,26 +155,35 @@ pub(super) fn motors<'a>(
             reader.error(&place(element, "joint"), message, "name a joint of this file");
             continue;
         };
-        let one = [Number::one(), Number::zero(), Number::zero()];
+        let (gain, bias) = unsaid();
         let mut actuator = Actuator {
             gear: vec![Number::one()],
-            gain: one,
-            bias: zeros(),
+            gain,
+            bias,
             has_bias: false,
             shortcut: None,
-            left: BTreeMap::new(),
             refused: None,
         };
-        for default in settings.defaults(element, None, ACTUATORS) {
-            actuator.apply(reader, default);
+        let mut group = 0.0;
+        let mut around = Vec::new();
+        for class in settings.layers(element, ACTUATORS).into_iter().chain([vec![element]]) {
+            for said in class {
+                actuator.apply(reader, said, &around);
+                group = reader.number(said, "group").map_or(group, |own| own.value);
+            }
+            around.push(actuator.clone());
         }
-        actuator.apply(reader, element);
-        if let Some(why) = &actuator.refused {
-            leave("name", why);
+        if settings.groups_off.contains(&group) {
+            leave("group", "the option `actuatorgroupdisable` switches its group off");
+            continue;
+        }
+        if let Some(why) = actuator.refusal() {
+            leave("name", &why);
             continue;
         }
         if !matches!(joints[k].kind, JointKind::Revolute(_) | JointKind::Prismatic(_)) {
-            leave("joint", "its joint has several coordinates");
+            let is_held = matches!(joints[k].kind, JointKind::Fixed);
+            leave("joint", if is_held { "its joint is held" } else { "its joint has several coordinates" });
             continue;
         }
         let gear = actuator.gear.first().cloned().unwrap_or_else(Number::one);

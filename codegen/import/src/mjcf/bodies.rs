@@ -5,7 +5,7 @@
 //!
 //! Deliberately does not know: actuators, the model language.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::geoms;
 use super::joints;
@@ -32,6 +32,8 @@ struct Inside<'a> {
     is_world: bool,
     /// Whether the masses of geoms make that of the body.
     counts_geoms: bool,
+    /// The part of the weight of the body that is held up.
+    lift: Number,
     depth: usize,
 }
 
@@ -66,12 +68,14 @@ pub(super) struct Bodies<'a, 'r> {
     pub(super) body_by_name: BTreeMap<String, (usize, [Number; 3])>,
     pub(super) site_by_name: BTreeMap<String, Site<'a>>,
     geoms: BTreeMap<String, usize>,
+    /// Names that bodies and joints have in the file: those without one have others.
+    given: BTreeSet<&'a str>,
 }
 
 impl<'a, 'r> Bodies<'a, 'r> {
     /// Reads everything within the elements `worldbody`.
     pub(super) fn read(settings: &'r Settings<'a, 'r>, root: Element<'a>) -> Bodies<'a, 'r> {
-        let world = Link { name: "world".to_owned(), inertias: Vec::new(), span: head(root) };
+        let world = Link::new("world".to_owned(), head(root));
         let mut bodies = Bodies {
             settings,
             links: vec![world],
@@ -80,6 +84,7 @@ impl<'a, 'r> Bodies<'a, 'r> {
             body_by_name: BTreeMap::new(),
             site_by_name: BTreeMap::new(),
             geoms: BTreeMap::new(),
+            given: root.descendants().filter_map(|element| element.attribute("name")).collect(),
         };
         bodies.body_by_name.insert("world".to_owned(), (0, zeros()));
         for element in settings.reader.children(root, "worldbody") {
@@ -90,6 +95,7 @@ impl<'a, 'r> Bodies<'a, 'r> {
                 body: "world".to_owned(),
                 is_world: true,
                 counts_geoms: false,
+                lift: Number::zero(),
                 depth: 0,
             };
             bodies.contents(element, &inside);
@@ -142,6 +148,7 @@ impl<'a, 'r> Bodies<'a, 'r> {
         }
         for mut inertia in own {
             shift(&mut inertia, &inside.offset);
+            inertia.lift = inside.lift.clone();
             self.links[inside.link].inertias.push(inertia);
         }
     }
@@ -203,7 +210,7 @@ impl<'a, 'r> Bodies<'a, 'r> {
     }
 
     fn link(&mut self, name: &str, span: std::ops::Range<usize>) -> usize {
-        self.links.push(Link { name: name.to_owned(), inertias: Vec::new(), span });
+        self.links.push(Link::new(name.to_owned(), span));
         self.links.len() - 1
     }
 
@@ -214,7 +221,10 @@ impl<'a, 'r> Bodies<'a, 'r> {
             return;
         }
         let given = reader.attribute(element, "name");
-        let name = given.map_or_else(|| format!("body{}", self.body_by_name.len()), str::to_owned);
+        let name = given.map_or_else(
+            || self.unused(self.body_by_name.len(), |k| format!("body{k}"), &self.body_by_name),
+            str::to_owned,
+        );
         if self.body_by_name.insert(name.clone(), (self.links.len(), zeros())).is_some() {
             let help = "give each body a name of its own";
             reader.error(&place(element, "name"), format!("body `{name}` is declared twice"), help);
@@ -242,7 +252,7 @@ impl<'a, 'r> Bodies<'a, 'r> {
                 return;
             };
             let is_free = matches!(joint.kind, JointKind::Floating);
-            if is_free && (!inside.is_world || inside.link != 0 || joints.len() > 1) {
+            if is_free && (!inside.is_world || joints.len() > 1) {
                 let message =
                     format!("joint `{joint_name}` is free, and not the one joint of a body of the world");
                 reader.error(&joint.span, message, "put the body into `worldbody`, with no other joint");
@@ -271,7 +281,13 @@ impl<'a, 'r> Bodies<'a, 'r> {
             );
         }
         self.body_by_name.insert(name.clone(), (at, offset.clone()));
-        self.own_inertia(element, &name, at, &offset);
+        self.links[at].origin = offset.each_ref().map(Number::negative);
+        let lift = settings.lift(reader.number(element, "gravcomp"));
+        if lift.value < 0.0 {
+            let help = "write the part of the weight that is held up, or change `gravity`";
+            reader.error(&place(element, "gravcomp"), "`gravcomp` is negative", help);
+        }
+        self.own_inertia(element, &name, at, &offset, &lift);
         let within = Inside {
             link: at,
             offset,
@@ -279,9 +295,17 @@ impl<'a, 'r> Bodies<'a, 'r> {
             body: name,
             is_world: false,
             counts_geoms: self.counts_geoms(element),
+            lift,
             depth: inside.depth + 1,
         };
         self.contents(element, &within);
+    }
+
+    /// The first name from a number on that nothing in the file has.
+    fn unused<T>(&self, first: usize, name: impl Fn(usize) -> String, taken: &BTreeMap<String, T>) -> String {
+        let mut names = (first..).map(name);
+        let is_unused = |name: &String| !self.given.contains(name.as_str()) && !taken.contains_key(name);
+        names.find(is_unused).unwrap_or_default()
     }
 
     fn joint_name(&mut self, element: Element<'a>, body: &str, n: usize) -> String {
@@ -289,7 +313,7 @@ impl<'a, 'r> Bodies<'a, 'r> {
         let given = reader.attribute(element, "name");
         let counted =
             |k: usize| if k == 0 { format!("{body}_joint") } else { format!("{body}_joint{}", k + 1) };
-        let name = given.map_or_else(|| counted(n), str::to_owned);
+        let name = given.map_or_else(|| self.unused(n, counted, &self.joint_by_name), str::to_owned);
         if self.joint_by_name.contains_key(&name) {
             let help = "give each joint a name of its own";
             reader.error(&place(element, "name"), format!("joint `{name}` is declared twice"), help);
@@ -298,7 +322,14 @@ impl<'a, 'r> Bodies<'a, 'r> {
     }
 
     /// The inertia that an element of the body says, unless geoms do.
-    fn own_inertia(&mut self, element: Element<'a>, name: &str, link: usize, offset: &[Number; 3]) {
+    fn own_inertia(
+        &mut self,
+        element: Element<'a>,
+        name: &str,
+        link: usize,
+        offset: &[Number; 3],
+        lift: &Number,
+    ) {
         if self.counts_geoms(element) {
             return;
         }
@@ -307,6 +338,7 @@ impl<'a, 'r> Bodies<'a, 'r> {
             && let Some(mut inertia) = geoms::inertial(self.settings, inertial, name)
         {
             shift(&mut inertia, offset);
+            inertia.lift = lift.clone();
             self.links[link].inertias.push(inertia);
         }
     }
@@ -318,11 +350,12 @@ impl<'a, 'r> Bodies<'a, 'r> {
             links: self.links,
             joints: self.joints,
             root: 0,
+            start: Vec::new(),
             has_ground: true,
             motors: Vec::new(),
             loops: Vec::new(),
             drives_all: false,
-            gravity: self.settings.gravity.clone(),
+            gravity: self.settings.gravity(),
             total_mass: self.settings.total_mass.clone(),
         }
     }

@@ -25,9 +25,11 @@ pub(super) fn equalities<'a>(
         let shown = given
             .map_or_else(|| format!("the equation `{tag}`"), |n| format!("the equation `{n}`, a {tag},"));
         reader.take(element);
-        let of = settings.defaulted(element, None);
-        if of.attribute(reader, "active") == Some("false") {
-            reader.note(&place(element, "active"), format!("{shown} is not active, and not taken"));
+        let of = settings.defaulted_as(element, "equality", None);
+        let is_off = settings.is_off("equality");
+        if is_off || of.attribute(reader, "active") == Some("false") {
+            let why = if is_off { "is switched off by a flag" } else { "is not active" };
+            reader.note(&place(element, "active"), format!("{shown} {why}, and not taken"));
             reader.skip(element);
             continue;
         }

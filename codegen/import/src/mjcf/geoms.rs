@@ -103,7 +103,7 @@ pub(super) fn inertia<'a>(settings: &Settings<'a, '_>, geom: &Defaulted<'a>, nam
         reader.error(&geom.place(at), "the mass is negative", "write a mass in kg");
     }
     let moments = Moments::Solid(Solid { shape, sizes, along });
-    Some(Inertia { name: name.to_owned(), mass, pose, moments })
+    Some(Inertia { name: name.to_owned(), mass, pose, moments, lift: Number::zero() })
 }
 
 /// Half the length of a vector: exact along a coordinate axis.
@@ -155,5 +155,6 @@ pub(super) fn inertial<'a>(
         mass: Mass::Given(mass),
         pose,
         moments: Moments::Given(moments),
+        lift: Number::zero(),
     })
 }

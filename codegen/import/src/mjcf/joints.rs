@@ -49,9 +49,11 @@ pub(super) fn joint<'a>(
     let number = |attribute: &str| of.number(reader, attribute).unwrap_or_else(Number::zero);
     let length = |n: Number| if is_hinge { settings.angle(n) } else { n };
     let mut joint = Joint::new(name.to_owned(), kind, ends, span);
-    joint.damping = number("damping");
+    let is_on = |flag: &str| !settings.is_off(flag);
+    joint.damping = Some(number("damping")).filter(|_| is_on("damper")).unwrap_or_else(Number::zero);
     joint.armature = number("armature");
-    let others = [("frictionloss", number("frictionloss")), ("stiffness", number("stiffness"))];
+    let others = [("frictionloss", "frictionloss"), ("stiffness", "spring")]
+        .map(|(name, flag)| (name, Some(number(name)).filter(|_| is_on(flag)).unwrap_or_else(Number::zero)));
     if has_one {
         joint.reference = length(number("ref"));
         let [(_, friction), (_, stiffness)] = others;
@@ -59,7 +61,7 @@ pub(super) fn joint<'a>(
         if !stiffness.is_zero() {
             joint.spring = Some(Spring { stiffness, rest: length(number("springref")) });
         }
-        joint.limits = limits(settings, of, name).map(|pair| pair.map(length));
+        joint.limits = limits(settings, of, name).filter(|_| is_on("limit")).map(|pair| pair.map(length));
     } else {
         for (attribute, value) in others {
             if !value.is_zero() {
@@ -70,7 +72,7 @@ pub(super) fn joint<'a>(
         }
         let has_range = of.list(reader, "range", 2).get(1).is_some_and(|high| high.value > 0.0);
         let is_limited = of.attribute(reader, "limited") != Some("false");
-        if has_range && is_limited && !is_free {
+        if has_range && is_limited && !is_free && is_on("limit") {
             let help = "write an `event` into the model";
             reader.note_with_help(
                 &of.place("range"),

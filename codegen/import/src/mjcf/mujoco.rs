@@ -17,8 +17,10 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) 
     });
     let settings = Settings::read(reader, root);
     let mut bodies = Bodies::read(&settings, root);
-    if bodies.links.len() < 2 {
+    if bodies.links.len() < 2 && reader.is_fine() {
         reader.error(&head(root), "the model has no bodies", "a model has `body` in its `worldbody`");
+    }
+    if bodies.links.len() < 2 {
         return None;
     }
     let loops = equalities(&settings, root, &mut bodies);

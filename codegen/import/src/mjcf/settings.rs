@@ -3,7 +3,7 @@
 //! Deliberately does not know: links, joints.
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
 
 use crate::number::{Number, zeros};
@@ -24,22 +24,33 @@ pub(crate) struct Settings<'a, 'r> {
     pub(crate) inertia_from_geom: Option<bool>,
     pub(crate) inertia_groups: [f64; 2],
     pub(crate) total_mass: Option<Number>,
-    pub(crate) gravity: [Number; 3],
+    gravity: [Number; 3],
+    /// What flags switch off.
+    off: BTreeSet<&'static str>,
+    /// Groups of actuators that are switched off.
+    pub(crate) groups_off: Vec<f64>,
     classes: BTreeMap<&'a str, Class<'a>>,
     unknown: RefCell<Vec<&'a str>>,
 }
 
 #[derive(Clone, Debug, Default)]
 struct Class<'a> {
-    parent: Option<&'a str>,
+    around: Option<&'a str>,
+    /// Elements of the classes around it, then its own.
     elements: Vec<Element<'a>>,
+    n_around: usize,
 }
+
+/// Flags that switch off what a model has here.
+const FLAGS: [&str; 8] =
+    ["gravity", "constraint", "equality", "limit", "frictionloss", "spring", "damper", "actuation"];
 
 /// The class of everything without one.
 const MAIN: &str = "main";
 
 /// Attributes of joints and geoms that elements may take from defaults.
-const FROM_DEFAULTS: [(&str, &[&str]); 2] = [
+const FROM_DEFAULTS: [(&str, &[&str]); 3] = [
+    ("equality", &["active"]),
     (
         "joint",
         &[
@@ -82,8 +93,19 @@ const FROM_DEFAULTS: [(&str, &[&str]); 2] = [
 pub(super) const ACTUATORS: &[&str] =
     &["general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion"];
 /// Attributes of actuators that have an effect here, or are refused by name.
-const OF_ACTUATORS: &[&str] =
-    &["gear", "gaintype", "gainprm", "biastype", "biasprm", "dyntype", "kp", "kv", "dampratio", "timeconst"];
+const OF_ACTUATORS: &[&str] = &[
+    "gear",
+    "gaintype",
+    "gainprm",
+    "biastype",
+    "biasprm",
+    "dyntype",
+    "kp",
+    "kv",
+    "dampratio",
+    "timeconst",
+    "group",
+];
 
 /// An element with the defaults of its class behind it.
 #[derive(Clone)]
@@ -104,6 +126,8 @@ impl<'a, 'r> Settings<'a, 'r> {
             inertia_groups: [f64::NEG_INFINITY, f64::INFINITY],
             total_mass: None,
             gravity: Robot::earth(),
+            off: BTreeSet::new(),
+            groups_off: Vec::new(),
             classes: BTreeMap::new(),
             unknown: RefCell::default(),
         };
@@ -117,10 +141,9 @@ impl<'a, 'r> Settings<'a, 'r> {
         for element in reader.children(root, "default") {
             // The outermost class may have another name; elements without a class have it all the same.
             let class = reader.attribute(element, "class").unwrap_or(MAIN);
-            if class != MAIN {
-                settings.classes.insert(class, Class { parent: Some(MAIN), elements: Vec::new() });
-            }
             settings.default(element, MAIN, 0);
+            let all = settings.classes.get(MAIN).cloned().unwrap_or_default();
+            settings.classes.insert(class, all);
         }
         settings
     }
@@ -166,18 +189,40 @@ impl<'a, 'r> Settings<'a, 'r> {
         if let Some(gravity) = reader.numbers(element, "gravity") {
             self.gravity = gravity;
         }
+        if let Some(groups) = reader.list(element, "actuatorgroupdisable", 31) {
+            self.groups_off = groups.iter().map(|group| group.value).collect();
+        }
         for flag in reader.children(element, "flag") {
-            if self.word(flag, "gravity", &["enable", "disable"]) == Some("disable") {
-                self.gravity = zeros();
+            for name in FLAGS {
+                match self.word(flag, name, &["enable", "disable"]) {
+                    Some("disable") => self.off.insert(name),
+                    Some(_) => self.off.remove(name),
+                    None => false,
+                };
             }
-            for passive in ["passive", "spring", "damper", "actuation"] {
-                if flag.attribute(passive) == Some("disable") {
-                    let message = format!("the flag `{passive}` leaves out forces that the file has");
-                    let help = "remove the flag, or these forces";
-                    reader.error(&place(flag, passive), message, help);
-                }
+            if flag.attribute("passive") == Some("disable") {
+                let message = "the flag `passive` leaves out forces that the file has";
+                let help = "write the flags `spring` and `damper`, which newer versions have in its place";
+                reader.error(&place(flag, "passive"), message, help);
             }
         }
+    }
+
+    /// Whether a flag switches something off.
+    pub(crate) fn is_off(&self, flag: &str) -> bool {
+        let is_constraint = matches!(flag, "equality" | "limit" | "frictionloss");
+        self.off.contains(flag) || (is_constraint && self.off.contains("constraint"))
+    }
+
+    /// The part of a weight that a body has held up: a passive force, which both flags of such forces switch off.
+    pub(crate) fn lift(&self, said: Option<Number>) -> Number {
+        let is_off = self.is_off("spring") && self.is_off("damper");
+        said.filter(|_| !is_off).unwrap_or_else(Number::zero)
+    }
+
+    /// The acceleration of gravity.
+    pub(crate) fn gravity(&self) -> [Number; 3] {
+        if self.is_off("gravity") { zeros() } else { self.gravity.clone() }
     }
 
     fn default(&mut self, element: Element<'a>, class: &'a str, depth: usize) {
@@ -186,22 +231,11 @@ impl<'a, 'r> Settings<'a, 'r> {
             reader.error(&head(element), "classes are more than 64 deep", "make them flatter");
             return;
         }
-        for child in reader.all(element) {
+        let is_class = |child: &Element<'a>| child.tag_name().name() == "default";
+        let (classes, own): (Vec<_>, Vec<_>) = reader.all(element).into_iter().partition(is_class);
+        for child in own {
             let tag = child.tag_name().name();
-            if tag == "default" {
-                reader.take(child);
-                let Some(name) = reader.required(child, "class") else { continue };
-                let own = Class { parent: Some(class), elements: Vec::new() };
-                if self.classes.insert(name, own).is_some() {
-                    let help = "give each class a name of its own";
-                    reader.error(&place(child, "class"), format!("class `{name}` is declared twice"), help);
-                }
-                self.default(child, name, depth + 1);
-                continue;
-            }
-            if let Some(class) = self.classes.get_mut(class) {
-                class.elements.push(child);
-            }
+            self.classes.entry(class).or_default().elements.push(child);
             let attributes = match FROM_DEFAULTS.iter().find(|(own, _)| *own == tag) {
                 Some((_, attributes)) => *attributes,
                 None if ACTUATORS.contains(&tag) => OF_ACTUATORS,
@@ -211,6 +245,18 @@ impl<'a, 'r> Settings<'a, 'r> {
             for attribute in attributes {
                 reader.attribute(child, attribute);
             }
+        }
+        // A class begins with all that the class around it has said so far.
+        for child in classes {
+            reader.take(child);
+            let Some(name) = reader.required(child, "class") else { continue };
+            let elements = self.classes.get(class).map(|class| class.elements.clone()).unwrap_or_default();
+            let own = Class { around: Some(class), n_around: elements.len(), elements };
+            if self.classes.insert(name, own).is_some() {
+                let help = "give each class a name of its own";
+                reader.error(&place(child, "class"), format!("class `{name}` is declared twice"), help);
+            }
+            self.default(child, name, depth + 1);
         }
     }
 
@@ -232,6 +278,20 @@ impl<'a, 'r> Settings<'a, 'r> {
         childclass: Option<&'a str>,
         tags: &[&str],
     ) -> Vec<Element<'a>> {
+        self.layers_of(element, childclass, tags).concat()
+    }
+
+    /// As [`Settings::defaults`], class by class.
+    pub(crate) fn layers(&self, element: Element<'a>, tags: &[&str]) -> Vec<Vec<Element<'a>>> {
+        self.layers_of(element, None, tags)
+    }
+
+    fn layers_of(
+        &self,
+        element: Element<'a>,
+        childclass: Option<&'a str>,
+        tags: &[&str],
+    ) -> Vec<Vec<Element<'a>>> {
         let named = self.reader.attribute(element, "class");
         let class = named.or(childclass).unwrap_or(MAIN);
         if !self.classes.contains_key(class) && !self.unknown.borrow().contains(&class) {
@@ -239,20 +299,31 @@ impl<'a, 'r> Settings<'a, 'r> {
             let at = if named.is_some() { place(element, "class") } else { head(element) };
             self.reader.error(&at, format!("there is no class `{class}`"), "name a class of `default`");
         }
-        let mut found = Vec::new();
-        let mut next = Some(class);
-        while let Some(class) = next.and_then(|class| self.classes.get(class)) {
-            let own = class.elements.iter().rev().filter(|child| tags.contains(&child.tag_name().name()));
-            found.extend(own.copied());
-            next = class.parent;
+        let mut left = self.classes.get(class).map(|class| class.elements.clone()).unwrap_or_default();
+        let mut layers = Vec::new();
+        let mut next = self.classes.get(class);
+        while let Some(class) = next {
+            let own = left.split_off(class.n_around.min(left.len()));
+            layers.push(own.into_iter().filter(|child| tags.contains(&child.tag_name().name())).collect());
+            next = class.around.and_then(|around| self.classes.get(around));
         }
-        found.reverse();
-        found
+        layers.reverse();
+        layers
     }
 
     /// An element with its defaults.
     pub(crate) fn defaulted(&self, element: Element<'a>, childclass: Option<&'a str>) -> Defaulted<'a> {
-        let mut chain = self.defaults(element, childclass, &[element.tag_name().name()]);
+        self.defaulted_as(element, element.tag_name().name(), childclass)
+    }
+
+    /// An element with the defaults that have another tag.
+    pub(crate) fn defaulted_as(
+        &self,
+        element: Element<'a>,
+        tag: &str,
+        childclass: Option<&'a str>,
+    ) -> Defaulted<'a> {
+        let mut chain = self.defaults(element, childclass, &[tag]);
         chain.push(element);
         chain.reverse();
         Defaulted { chain }
@@ -303,21 +374,17 @@ impl<'a, 'r> Settings<'a, 'r> {
                 .map(|[a, b, c, d, e, f]: [Number; 6]| Turn::axes([a, b, c], [d, e, f])),
             "zaxis" => reader.numbers(element, name).map(Turn::onto),
             _ => reader.numbers(element, name).map(|angles: [Number; 3]| {
+                // Axes that turn along stand behind those before, axes at rest in front of them.
+                let mut factors = VecDeque::new();
+                for ((axis, is_fixed), angle) in self.euler.iter().zip(angles) {
+                    match is_fixed {
+                        true => factors.push_front((axis, angle)),
+                        false => factors.push_back((axis, angle)),
+                    }
+                }
                 let mut turn = Turn::none();
-                let pairs: Vec<_> = self.euler.iter().zip(angles).collect();
-                // Axes that turn along stand from left to right, others from right to left.
-                if self.euler.iter().all(|(_, is_fixed)| *is_fixed) {
-                    for ((axis, _), angle) in pairs.into_iter().rev() {
-                        turn.push(format!("e{}", axis + 1), self.angle(angle));
-                    }
-                } else {
-                    if self.euler.iter().any(|(_, is_fixed)| *is_fixed) {
-                        let help = "write `eulerseq` in small or in capital letters";
-                        reader.error(&place(element, name), "axes of angles are fixed and turning", help);
-                    }
-                    for ((axis, _), angle) in pairs {
-                        turn.push(format!("e{}", axis + 1), self.angle(angle));
-                    }
+                for (axis, angle) in factors {
+                    turn.push(format!("e{}", axis + 1), self.angle(angle));
                 }
                 Some(turn)
             }),

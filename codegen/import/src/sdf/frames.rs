@@ -12,6 +12,8 @@ use crate::xml::{Element, Reader, head};
 
 /// The frame of the model itself.
 pub(super) const MODEL: &str = "__model__";
+/// The frame that is relative to no other one.
+pub(super) const WORLD: &str = "world";
 
 #[derive(Clone, Debug)]
 struct Frame {
@@ -21,7 +23,7 @@ struct Frame {
 }
 
 /// All frames by their names.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Frames {
     all: BTreeMap<String, Frame>,
 }
@@ -45,6 +47,26 @@ pub(super) fn number<'a>(reader: &Reader<'a>, of: Element<'a>, name: &str) -> Op
     numbers::<1>(reader, child).map(|[number]| number)
 }
 
+/// The word of a switch, as the specification has them; an error for others.
+pub(super) fn is_on(reader: &Reader<'_>, of: Element<'_>, name: &str, word: &str) -> bool {
+    match word.trim() {
+        "1" => true,
+        "0" => false,
+        word if word.eq_ignore_ascii_case("true") => true,
+        word if word.eq_ignore_ascii_case("false") => false,
+        word => {
+            reader.error(&head(of), format!("`{name}` is \"{word}\""), "write true or false");
+            false
+        }
+    }
+}
+
+/// Whether an element of a name switches something on; nothing without the element.
+pub(super) fn switch<'a>(reader: &Reader<'a>, of: Element<'a>, name: &str) -> Option<bool> {
+    let child = reader.child(of, name)?;
+    Some(is_on(reader, child, name, child.text().unwrap_or_default()))
+}
+
 /// The pose that an element has, and the frame that it names.
 pub(super) fn pose<'a>(reader: &Reader<'a>, of: Element<'a>) -> (Pose, Option<&'a str>) {
     let mut pose = Pose::identity();
@@ -54,7 +76,8 @@ pub(super) fn pose<'a>(reader: &Reader<'a>, of: Element<'a>) -> (Pose, Option<&'
         return (pose, relative_to);
     }
     let format = reader.attribute(element, "rotation_format").unwrap_or("euler_rpy");
-    let is_degrees = reader.attribute(element, "degrees") == Some("true");
+    let degrees = reader.attribute(element, "degrees");
+    let is_degrees = degrees.is_some_and(|word| is_on(reader, element, "degrees", word));
     match format {
         "euler_rpy" => {
             if let Some([x, y, z, roll, pitch, yaw]) = numbers::<6>(reader, element) {
@@ -87,6 +110,12 @@ pub(super) fn pose<'a>(reader: &Reader<'a>, of: Element<'a>) -> (Pose, Option<&'
 }
 
 impl Frames {
+    /// The frames of a model in the world.
+    pub(super) fn new(model: Pose, span: Range<usize>) -> Frames {
+        let frame = Frame { relative_to: WORLD.to_owned(), pose: model, span };
+        Frames { all: BTreeMap::from([(MODEL.to_owned(), frame)]) }
+    }
+
     /// Adds a frame; a second one of its name is a problem.
     pub(super) fn add<'a>(
         &mut self,
@@ -97,7 +126,7 @@ impl Frames {
     ) {
         let (pose, named) = pose(reader, element);
         let frame = Frame { relative_to: named.unwrap_or(relative_to).to_owned(), pose, span: head(element) };
-        if self.all.insert(name.to_owned(), frame).is_some() || name == MODEL || name == "world" {
+        if self.all.insert(name.to_owned(), frame).is_some() || name == WORLD {
             let help = "give links, joints and frames names of their own";
             reader.error(&head(element), format!("`{name}` is declared twice"), help);
         }
@@ -105,10 +134,10 @@ impl Frames {
 
     /// Whether there is a frame of a name.
     pub(super) fn has(&self, name: &str) -> bool {
-        name == MODEL || self.all.contains_key(name)
+        name == WORLD || self.all.contains_key(name)
     }
 
-    /// Frames from one on, each relative to the next, up to the frame of the model. Nothing after a problem.
+    /// Frames from one on, each relative to the next, up to the world. Nothing after a problem.
     fn chain(&self, reader: &Reader<'_>, name: &str) -> Option<Vec<String>> {
         let mut chain = vec![name.to_owned()];
         let mut last = name;
@@ -119,7 +148,7 @@ impl Frames {
                 reader.error(&self.all[name].span, message, "let one pose be relative to the model");
                 return None;
             }
-            if !self.all.contains_key(last) && last != MODEL {
+            if !self.all.contains_key(last) && last != WORLD {
                 let message = format!("there is no frame `{last}`");
                 reader.error(&frame.span, message, "name a link, a joint or a frame of this model");
                 return None;
@@ -132,7 +161,7 @@ impl Frames {
     /// The pose of a frame in another one as steps, one frame in the frame before. Nothing after a problem.
     pub(super) fn between(&self, reader: &Reader<'_>, from: &str, to: &str) -> Option<Vec<Pose>> {
         let (mut up, mut down) = (self.chain(reader, from)?, self.chain(reader, to)?);
-        // Both end in the model; the last common frame is the nearest one.
+        // Both end in the world; the last common frame is the nearest one.
         while up.len() > 1 && down.len() > 1 && up[up.len() - 2] == down[down.len() - 2] {
             up.pop();
             down.pop();
@@ -154,8 +183,8 @@ fn inverse(pose: &Pose) -> Option<Pose> {
             Rotation::Quaternion([w, x, y, z]) => {
                 Rotation::Quaternion([w.clone(), x.negative(), y.negative(), z.negative()])
             }
-            // Poses of this format have neither.
-            Rotation::Axes(..) | Rotation::Onto(_) => return None,
+            // Poses of this format have none.
+            Rotation::Axes(..) => return None,
         });
     }
     let turn = Turn { factors, moved: Vec::new() };

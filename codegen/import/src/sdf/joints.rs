@@ -2,10 +2,12 @@
 //!
 //! Deliberately does not know: links, frames of the model.
 
-use super::frames::{MODEL, number, numbers};
+use std::f64::consts::TAU;
+
+use super::frames::{MODEL, WORLD, number, numbers, switch};
 use crate::axis::axis_of_joint;
 use crate::number::Number;
-use crate::robot::{Joint, JointKind, Spring};
+use crate::robot::{Joint, JointKind, Mimic, Spring};
 use crate::rotation::Axis;
 use crate::xml::{Element, Reader, head, place};
 
@@ -48,12 +50,43 @@ pub(super) fn joints<'a>(
             moving("axis", &format!("{name}_1"), true, true)?,
             moving("axis2", &format!("{name}_2"), true, true)?,
         ]),
+        "screw" => {
+            let turn = moving("axis", name, true, true)?;
+            let JointKind::Revolute(axis) = &turn.kind else { return None };
+            let mut slide = empty(&format!("{name}_advance"), JointKind::Prismatic(axis.clone()));
+            slide.mimic =
+                Some(Mimic { joint: 0, coefficients: vec![Number::zero(), advance(reader, joint)?] });
+            Some(vec![turn, slide])
+        }
         other => {
-            let help = "joints are revolute, continuous, prismatic, fixed, ball, universal or revolute2";
+            let help =
+                "joints are revolute, continuous, prismatic, fixed, ball, universal, revolute2 or screw";
             reader.error(&place(joint, "type"), format!("joint `{name}` has the type `{other}`"), help);
             None
         }
     }
+}
+
+/// How far a screw goes along its axis by its angle, in m/rad. Nothing after a problem.
+///
+/// # Source
+/// sdformat.org, `sdf/1.11/joint.sdf`: `screw_thread_pitch` is in m a turn, of a right-handed thread; `thread_pitch`,
+/// which it replaces, in rad/m, of a left-handed one.
+fn advance<'a>(reader: &Reader<'a>, joint: Element<'a>) -> Option<Number> {
+    let (new, old) = (number(reader, joint, "screw_thread_pitch"), number(reader, joint, "thread_pitch"));
+    let advance = match (new, old) {
+        (Some(pitch), _) => Number::expression(format!("{}/(2*pi)", pitch.text), pitch.value / TAU),
+        (None, Some(pitch)) if !pitch.is_zero() => {
+            let against = pitch.negative();
+            Number::expression(format!("1/{}", against.factor()), 1.0 / against.value)
+        }
+        _ => {
+            let help = "write `<screw_thread_pitch>`, in m a turn";
+            reader.error(&head(joint), "the screw has no pitch", help);
+            return None;
+        }
+    };
+    Some(advance)
 }
 
 /// The rotation of the frame that an axis is written in.
@@ -69,14 +102,10 @@ fn turned_of<'a>(
 ) -> Option<Option<String>> {
     let xyz = axis.children().find(|child| child.tag_name().name() == "xyz");
     let named = xyz.and_then(|xyz| reader.attribute(xyz, "expressed_in")).filter(|name| !name.is_empty());
-    let old = reader.child(axis, "use_parent_model_frame").and_then(|element| element.text());
-    let is_of_model = match old.map(str::trim) {
-        Some(word) => word.eq_ignore_ascii_case("true") || word == "1",
-        None => is_before_1_5(axis),
-    };
+    let is_of_model = switch(reader, axis, "use_parent_model_frame").unwrap_or_else(|| is_before_1_5(axis));
     let own = reader.attribute(joint, "name").unwrap_or_default();
     turned(match named {
-        Some("world") => MODEL,
+        Some("world") => WORLD,
         Some(frame) => frame,
         None if is_of_model => MODEL,
         None => own,
@@ -108,11 +137,19 @@ fn direction<'a>(
     })
 }
 
+/// A limit; nothing for one that is none.
+fn end<'a>(reader: &Reader<'a>, limit: Element<'a>, name: &str) -> Option<Number> {
+    let text = reader.child(limit, name)?.text().unwrap_or_default().trim();
+    if text.parse::<f64>().is_ok_and(f64::is_infinite) && !text.contains(|c: char| c.is_ascii_digit()) {
+        return None;
+    }
+    number(reader, limit, name).filter(|n| n.value.abs() < NONE)
+}
+
 /// Limits, damping, friction and springs of an axis.
 fn forces<'a>(reader: &Reader<'a>, axis: Element<'a>, joint: &mut Joint, is_limited: bool) {
     if let Some(limit) = reader.child(axis, "limit").filter(|_| is_limited) {
-        let end = |name: &str| number(reader, limit, name).filter(|n| n.value.abs() < NONE);
-        match (end("lower"), end("upper")) {
+        match (end(reader, limit, "lower"), end(reader, limit, "upper")) {
             (Some(lower), Some(upper)) if lower.value < upper.value => joint.limits = Some([lower, upper]),
             (None, None) => {}
             _ => {

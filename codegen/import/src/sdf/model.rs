@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use super::frames::{Frames, MODEL, number, numbers, pose};
+use super::frames::{Frames, MODEL, WORLD, is_on, number, numbers, pose, switch};
 use super::joints::joints;
 use crate::number::{Number, zeros};
 use crate::robot::{End, Held, Inertia, Joint, JointKind, Link, Loop, Mass, Mimic, Moments, Pose, Robot};
@@ -20,8 +20,16 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) 
     let mut gravity = Robot::earth();
     for world in reader.children(root, "world") {
         models.extend(reader.children(world, "model"));
-        if let Some(own) = reader.child(world, "gravity").and_then(|element| numbers(reader, element)) {
-            gravity = own;
+        gravity = match reader.child(world, "gravity") {
+            Some(element) => numbers(reader, element).unwrap_or(gravity),
+            None => {
+                reader.note(&head(world), "the world has no `gravity`, and that of the format, 9.8 m/s^2");
+                [Number::zero(), Number::zero(), Number::decimal("-9.8").unwrap_or_else(Number::zero)]
+            }
+        };
+        for joint in reader.children(world, "joint") {
+            let help = "write it into the model, with `world` as its parent";
+            reader.error(&head(joint), "a joint stands in the world", help);
         }
     }
     let [model] = models[..] else {
@@ -31,9 +39,7 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) 
         return None;
     };
     let name = reader.attribute(model, "name").unwrap_or(file_stem).to_owned();
-    if !pose(reader, model).0.turn.is_none() {
-        reader.error(&head(model), "the model is turned in the world", "turn the poses of its links");
-    }
+    let placed = stand(reader, model, &name);
     for tag in ["model", "include"] {
         for nested in reader.children(model, tag) {
             let shown = nested.attribute("name").map(|name| format!(" `{name}`")).unwrap_or_default();
@@ -43,7 +49,7 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) 
     }
     let mut builder = Builder {
         reader,
-        frames: Frames::default(),
+        frames: Frames::new(placed, head(model)),
         links: Vec::new(),
         by_name: BTreeMap::new(),
         joints: Vec::new(),
@@ -54,6 +60,7 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) 
     };
     builder.links(model);
     builder.joints(model);
+    let start = builder.start();
     builder.followers();
     if builder.links.is_empty() {
         reader.error(&head(model), "the model has no links", "a model has `link` and `joint` elements");
@@ -65,12 +72,36 @@ pub(crate) fn read<'a>(reader: &Reader<'a>, root: Element<'a>, file_stem: &str) 
         links: builder.links,
         joints: builder.joints,
         root: 0,
+        start,
         motors: Vec::new(),
         loops: builder.loops,
         drives_all: true,
         gravity,
         total_mass: None,
     })
+}
+
+/// The pose of the model in the world, and what it cannot be.
+fn stand<'a>(reader: &Reader<'a>, model: Element<'a>, name: &str) -> Pose {
+    let (pose, relative_to) = pose(reader, model);
+    let moved = "the pose of the model in the world";
+    if let Some(frame) = relative_to.filter(|frame| *frame != WORLD) {
+        let help = "write the pose without `relative_to`";
+        reader.error(&head(model), format!("{moved} is relative to `{frame}`"), help);
+    }
+    if let Some(frame) = reader.attribute(model, "placement_frame").filter(|frame| !frame.is_empty()) {
+        let help = "write the pose of the model itself, without `placement_frame`";
+        reader.error(
+            &place(model, "placement_frame"),
+            format!("{moved} is that of its frame `{frame}`"),
+            help,
+        );
+    }
+    if switch(reader, model, "static") == Some(true) {
+        let help = "remove `static`, or import a model that moves";
+        reader.error(&head(model), format!("nothing moves: the model `{name}` is static"), help);
+    }
+    pose
 }
 
 struct Builder<'a, 'r> {
@@ -117,7 +148,7 @@ impl<'a> Builder<'a, '_> {
 
     fn link(&mut self, name: &str, inertias: Vec<Inertia>, span: std::ops::Range<usize>) -> usize {
         self.by_name.insert(name.to_owned(), self.links.len());
-        self.links.push(Link { name: name.to_owned(), inertias, span });
+        self.links.push(Link { inertias, ..Link::new(name.to_owned(), span) });
         self.offsets.push(zeros());
         self.links.len() - 1
     }
@@ -140,7 +171,7 @@ impl<'a> Builder<'a, '_> {
             all.push(Ends { element, name, parent, child });
         }
         for k in 0..all.len() {
-            let [parent, child] = [all[k].parent, all[k].child].map(|name| self.attached(&all, name));
+            let [parent, child] = [all[k].parent, all[k].child].map(|name| self.attached(model, &all, name));
             (all[k].parent, all[k].child) = (parent, child);
         }
         if all.iter().any(|joint| joint.parent == "world") {
@@ -186,6 +217,7 @@ impl<'a> Builder<'a, '_> {
             self.close(ends, links);
         }
         for (link, offset) in self.links.iter_mut().zip(&self.offsets) {
+            link.origin = offset.each_ref().map(Number::negative);
             for inertia in &mut link.inertias {
                 subtract(&mut inertia.pose.place, offset);
             }
@@ -205,13 +237,27 @@ impl<'a> Builder<'a, '_> {
         Some((!turns.is_empty()).then(|| turns.join("*")))
     }
 
-    /// The link that a frame is attached to, by names; the name of a link is that of its frame.
-    fn attached(&self, all: &[Ends<'a>], name: &'a str) -> &'a str {
+    /// Where the link that is no child is at the start.
+    fn start(&self) -> Vec<Pose> {
+        let is_child = |link: usize| self.joints.iter().any(|joint| joint.child == link);
+        let root = (0..self.links.len()).find(|link| !is_child(*link));
+        let name = root.map(|root| self.links[root].name.as_str()).filter(|name| self.frames.has(name));
+        name.and_then(|name| self.frames.between(self.reader, WORLD, name)).unwrap_or_default()
+    }
+
+    /// The link that a frame is attached to, by names; the name of a link is that of its frame, and frames of the model
+    /// are attached to its canonical link.
+    fn attached(&self, model: Element<'a>, all: &[Ends<'a>], name: &'a str) -> &'a str {
         let mut last = name;
         for _ in 0..=self.attached.len() + all.len() {
             let of_joint = all.iter().find(|joint| joint.name == last).map(|joint| joint.child);
             match self.attached.get(last).copied().or(of_joint) {
                 Some(next) => last = next,
+                None if !self.by_name.contains_key(last) && last != WORLD && self.frames.has(last) => {
+                    let canonical = self.reader.attribute(model, "canonical_link");
+                    let first = model.children().find(|child| child.tag_name().name() == "link");
+                    return canonical.or(first.and_then(|link| link.attribute("name"))).unwrap_or(last);
+                }
                 None => return last,
             }
         }
@@ -230,6 +276,7 @@ impl<'a> Builder<'a, '_> {
         }
         let n_before = steps.len() - 1;
         let mut at = self.fix(ends, parent, steps.drain(..n_before), None);
+        let n_others = self.joints.len();
         let is_apart = behind != ends.child;
         let n_own = own.len();
         for (n, mut joint) in own.into_iter().enumerate() {
@@ -244,6 +291,9 @@ impl<'a> Builder<'a, '_> {
             }
             let axis = if n == 0 { "axis" } else { "axis2" };
             let axis = ends.element.children().find(|child| child.tag_name().name() == axis);
+            if let Some(mimic) = &mut joint.mimic {
+                mimic.joint += n_others;
+            }
             if let Some(mimic) = axis.and_then(|axis| self.reader.child(axis, "mimic")) {
                 self.mimics.push((self.joints.len(), mimic));
             }
@@ -257,8 +307,7 @@ impl<'a> Builder<'a, '_> {
 
     /// The steps to a frame from the link of the parent.
     fn steps_to(&self, ends: &Ends<'a>, parent: usize, to: &str) -> Option<Vec<Pose>> {
-        let from = if ends.parent == "world" { MODEL } else { ends.parent };
-        let mut steps = self.frames.between(self.reader, from, to)?;
+        let mut steps = self.frames.between(self.reader, ends.parent, to)?;
         let start = &self.offsets[parent];
         if !start.iter().all(Number::is_zero) || steps.is_empty() {
             let place = start.each_ref().map(Number::negative);
@@ -346,10 +395,13 @@ impl<'a> Builder<'a, '_> {
             let value = |name: &str| number(reader, element, name);
             let factor = value("multiplier").unwrap_or_else(Number::one);
             let offset = value("offset").unwrap_or_else(Number::zero);
-            if value("reference").is_some_and(|reference| !reference.is_zero()) {
-                let help = "write it into the `offset`: offset - multiplier*reference";
-                reader.error(&head(element), "a joint follows another one from a reference", help);
-            }
+            let offset = match value("reference").filter(|reference| !reference.is_zero()) {
+                None => offset,
+                Some(from) => {
+                    let text = format!("{} - {}*{}", offset.text, factor.factor(), from.factor());
+                    Number::expression(text, offset.value - factor.value * from.value)
+                }
+            };
             self.joints[follower].mimic = Some(Mimic { joint: leader, coefficients: vec![offset, factor] });
         }
     }
@@ -405,6 +457,10 @@ fn inertia<'a>(reader: &Reader<'a>, link: Element<'a>, name: &str) -> Option<Ine
             Number::zero(),
             Number::zero(),
         ]),
+        lift: match switch(reader, link, "gravity") {
+            Some(false) => Number::one(),
+            _ => Number::zero(),
+        },
     };
     let Some(element) = reader.child(link, "inertial") else {
         reader.note(
@@ -413,7 +469,7 @@ fn inertia<'a>(reader: &Reader<'a>, link: Element<'a>, name: &str) -> Option<Ine
         );
         return Some(default(Number::one()));
     };
-    if reader.attribute(element, "auto") == Some("true") {
+    if reader.attribute(element, "auto").is_some_and(|word| is_on(reader, element, "auto", word)) {
         let help = "write the mass and the moments of inertia";
         reader.error(&place(element, "auto"), format!("the inertia of link `{name}` is by its shapes"), help);
     }
