@@ -110,6 +110,22 @@ fn a_skew_sleigh_keeps_its_digits_when_every_parameter_moves_by_three_decades() 
     assert!(worst < 200.0, "{worst}");
 }
 
+/// Components of the angular velocity of a link that one velocity alone turns are known up to a factor, here the common
+/// denominator of its decimals, whose square was lost.
+#[test]
+fn a_hinge_about_an_oblique_axis_with_decimals_keeps_its_digits() {
+    let text = include_str!("digits/oblique_hinge.hamel");
+    let model = spec::parse("oblique_hinge.hamel", text).unwrap();
+    let scene = scene::build(&model, "bare").unwrap();
+    let params: Vec<f64> = scene.params().iter().map(|p| hamel_expr::rational_to_f64(&p.default)).collect();
+    let mut random = Random(1);
+    for _ in 0..200 {
+        let state = [0; 4].map(|_| random.number());
+        let found = loss(&scene, &params, &state).unwrap();
+        assert!(found < 64.0, "{found:e} at {state:?}");
+    }
+}
+
 #[test]
 fn veselovas_body_keeps_its_digits_next_to_an_axis_at_any_speed() {
     let scene = build("veselova");

@@ -203,7 +203,7 @@ fn turn_round<R: Real, S: IndependentRows<R>>(
         let along = dot(row, old);
         if !along.all_ge(R::ZERO) && has_factor(system, here, there, k) {
             let sign = along / along.abs();
-            row.as_mut_slice().iter_mut().for_each(|x| *x = *x * sign);
+            row.as_mut_slice().iter_mut().for_each(|x| *x *= sign);
         }
     }
     are_turned(before, &aligned)
@@ -287,7 +287,7 @@ fn are_turned<V: StateVector<R>, R: Real, Q: Clone + AsRef<[V]> + AsMut<[V]>>(a:
         if !(both[k].as_slice()[k].all_gt(R::ZERO) && pivot.all_gt(R::ZERO)) {
             return true;
         }
-        volume = volume * pivot;
+        volume *= pivot;
         for matrix in [&mut *turn, &mut *both] {
             let (upper, lower) = matrix.split_at_mut(k + 1);
             let row = upper[k].as_slice();
@@ -310,7 +310,7 @@ fn are_turned<V: StateVector<R>, R: Real, Q: Clone + AsRef<[V]> + AsMut<[V]>>(a:
 /// Gram and Schmidt, twice.
 fn orthonormal<R: Real, V: StateVector<R>>(rows: &mut [V]) -> R {
     let tiny = R::from_f64(R::MIN_POSITIVE);
-    let scale = |row: &mut V, by: R| row.as_mut_slice().iter_mut().for_each(|x| *x = *x / by);
+    let scale = |row: &mut V, by: R| row.as_mut_slice().iter_mut().for_each(|x| *x /= by);
     let mut least = R::ONE;
     for k in 0..rows.len() {
         let (before, from) = rows.split_at_mut(k);

@@ -2,13 +2,13 @@
 //!
 //! Deliberately does not know: constraints, which way of writing the forces is shorter.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::rc::Rc;
 
-use num_traits::{One, Signed};
+use num_traits::{One, Pow, Signed};
 
 use crate::reduction::ReducedSystem;
-use hamel_expr::{ExprId, Graph, Node, Partials, Rational, SymbolId};
+use hamel_expr::{ExprId, Graph, Node, Partials, Rational, SymbolId, rational_to_f64};
 
 use super::limits::{MAX_RANK, MAX_SINGLES, MAX_TRIALS};
 
@@ -208,7 +208,9 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bo
                 Some(mut places) => {
                     let components = places.map(|k| singles[k].component.clone());
                     let weights = places.map(|k| singles[k].weight);
-                    squares.push(spinning(g, &components, weights, &varying, &mut rest));
+                    let square = spinning(g, &components, weights, &varying, &mut rest);
+                    let (square, components) = of_size_one(g, square, components);
+                    squares.push(square);
                     spins.push(components);
                     places.sort_unstable();
                     places.into_iter().rev().for_each(|k| drop(singles.remove(k)));
@@ -564,22 +566,79 @@ fn spin(g: &mut Graph, singles: &[Single], first: usize) -> Option<[usize; 3]> {
     let pairs = places.iter().flat_map(|a| places.iter().filter(move |b| *b != a).map(move |b| (*a, *b)));
     for (second, third) in pairs {
         let omega = [first, second, third].map(|k| &singles[k].component);
-        let is_spin = (0..omega[0].slopes.len()).all(|beta| {
-            (0..beta).all(|alpha| {
-                (0..3).all(|i| {
-                    let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-                    let forward = (false, omega[j].slopes[alpha], omega[k].slopes[beta]);
-                    let backward = (true, omega[k].slopes[alpha], omega[j].slopes[beta]);
-                    g.is_sum_of_products(omega[i].torsion[beta][alpha], &[forward, backward])
-                })
-            })
-        });
+        let is_spin = are_spin(g, omega);
         let turns = omega.iter().any(|c| c.torsion.iter().flatten().any(|e| *e != g.zero()));
         if is_spin && turns && omega.iter().all(|c| !c.has_offset) {
             return Some([first, second, third]);
         }
     }
     None
+}
+
+/// Whether components turn as those of an angular velocity: `domega(alpha, beta) = omega_alpha x omega_beta`.
+fn are_spin(g: &mut Graph, omega: [&Rc<Component>; 3]) -> bool {
+    (0..omega[0].slopes.len()).all(|beta| {
+        (0..beta).all(|alpha| {
+            (0..3).all(|i| {
+                let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+                let forward = (false, omega[j].slopes[alpha], omega[k].slopes[beta]);
+                let backward = (true, omega[k].slopes[alpha], omega[j].slopes[beta]);
+                g.is_sum_of_products(omega[i].torsion[beta][alpha], &[forward, backward])
+            })
+        })
+    })
+}
+
+/// The square with components of size one, where these are those of an angular velocity as well.
+///
+/// Where one velocity alone turns two of the components, these are known up to a common factor, such as the common
+/// denominator of the decimals in a direction. What such a factor multiplies cancels, with its square as a loss of
+/// digits. Powers of two lose nothing.
+fn of_size_one(g: &mut Graph, square: Square, omega: [Rc<Component>; 3]) -> (Square, [Rc<Component>; 3]) {
+    let scales = omega.each_ref().map(|c| scale(g, c.value));
+    if scales.iter().all(Rational::is_one) {
+        return (square, omega);
+    }
+    let factors = scales.each_ref().map(|q| g.rational(q.clone()));
+    let scaled = [0, 1, 2].map(|i| Rc::new(omega[i].times(g, factors[i])));
+    if !are_spin(g, scaled.each_ref()) {
+        return (square, omega);
+    }
+    let weight = |g: &mut Graph, (i, j, weight): (usize, usize, ExprId)| {
+        (i, j, g.scale(weight, &(&scales[i] * &scales[j]).recip()))
+    };
+    let masses = square.masses.into_iter().map(|mass| weight(g, mass)).collect();
+    (Square { masses, components: scaled.to_vec(), turning: square.turning }, scaled)
+}
+
+/// One over the power of two next to the size of an expression, as far as its numbers tell it; one for sizes near one.
+fn scale(g: &Graph, e: ExprId) -> Rational {
+    /// Powers of two up to which a size is near one.
+    const NEAR: i32 = 4;
+    let mut sizes: HashMap<ExprId, f64> = HashMap::new();
+    for e in g.reachable(&[e]) {
+        let number = |q: &Rational| rational_to_f64(q).abs();
+        let size = match g.node(e) {
+            Node::Constant(q) => number(q),
+            Node::Sum { constant, terms } => {
+                terms.iter().fold(number(constant), |max, (e, q)| max.max(number(q) * sizes[e]))
+            }
+            Node::Product { coefficient, factors } => {
+                let powers = factors.iter().map(|(e, q)| sizes[e].powf(rational_to_f64(q)));
+                number(coefficient) * powers.product::<f64>()
+            }
+            Node::Pi | Node::Symbol(_) | Node::Function(..) | Node::Atan2(..) => 1.0,
+        };
+        sizes.insert(e, size);
+    }
+    let exponent = sizes[&e].log2().round();
+    if !exponent.is_finite() || exponent.abs() <= f64::from(NEAR) {
+        return Rational::one();
+    }
+    let two = Rational::from_integer(2.into());
+    #[allow(clippy::cast_possible_truncation, reason = "exponents of numbers")]
+    let power = Pow::pow(&two, exponent.abs() as u32);
+    if exponent > 0.0 { power.recip() } else { power }
 }
 
 /// The square of an angular velocity, with the products of its components that `rest` has.
