@@ -53,6 +53,7 @@ mod retraction;
 mod routh;
 mod rows;
 mod sections;
+mod sizes;
 mod solve;
 mod splitting;
 mod squares;

@@ -2,15 +2,16 @@
 //!
 //! Deliberately does not know: constraints, which way of writing the forces is shorter.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::BTreeSet;
 use std::rc::Rc;
 
-use num_traits::{One, Pow, Signed};
+use num_traits::{One, Signed};
 
 use crate::reduction::ReducedSystem;
-use hamel_expr::{ExprId, Graph, Node, Partials, Rational, SymbolId, rational_to_f64};
+use hamel_expr::{ExprId, Graph, Node, Partials, Rational, SymbolId};
 
 use super::limits::{MAX_RANK, MAX_SINGLES, MAX_TRIALS};
+use super::sizes::scale;
 
 /// A term `weight/2 |v|^2` of the Lagrangian with `v = v_beta y^beta` in a frame that turns with the angular velocity
 /// `omega = K_beta y^beta`, i.e. one with vanishing torsion, or with `v = v_beta y^beta + v_0` and constant `v_0` in
@@ -208,8 +209,8 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bo
                 Some(mut places) => {
                     let components = places.map(|k| singles[k].component.clone());
                     let weights = places.map(|k| singles[k].weight);
-                    let square = spinning(g, &components, weights, &varying, &mut rest);
-                    let (square, components) = of_size_one(g, square, components);
+                    let own = spinning(g, &components, weights, &varying, &mut rest);
+                    let (square, components) = of_size_one(g, own, components);
                     squares.push(square);
                     spins.push(components);
                     places.sort_unstable();
@@ -575,7 +576,7 @@ fn spin(g: &mut Graph, singles: &[Single], first: usize) -> Option<[usize; 3]> {
     None
 }
 
-/// Whether components turn as those of an angular velocity: `domega(alpha, beta) = omega_alpha x omega_beta`.
+/// Whether components turn as an angular velocity does: `domega(alpha, beta) = omega_alpha x omega_beta`.
 fn are_spin(g: &mut Graph, omega: [&Rc<Component>; 3]) -> bool {
     (0..omega[0].slopes.len()).all(|beta| {
         (0..beta).all(|alpha| {
@@ -589,11 +590,10 @@ fn are_spin(g: &mut Graph, omega: [&Rc<Component>; 3]) -> bool {
     })
 }
 
-/// The square with components of size one, where these are those of an angular velocity as well.
+/// The square with components of size one, where an angular velocity has these as well.
 ///
-/// Where one velocity alone turns two of the components, these are known up to a common factor, such as the common
-/// denominator of the decimals in a direction. What such a factor multiplies cancels, with its square as a loss of
-/// digits. Powers of two lose nothing.
+/// Where one velocity alone turns two of the components, these are known up to a common factor, such as the denominator
+/// of decimals. What it multiplies cancels, with its square as a loss of digits.
 fn of_size_one(g: &mut Graph, square: Square, omega: [Rc<Component>; 3]) -> (Square, [Rc<Component>; 3]) {
     let scales = omega.each_ref().map(|c| scale(g, c.value));
     if scales.iter().all(Rational::is_one) {
@@ -604,41 +604,9 @@ fn of_size_one(g: &mut Graph, square: Square, omega: [Rc<Component>; 3]) -> (Squ
     if !are_spin(g, scaled.each_ref()) {
         return (square, omega);
     }
-    let weight = |g: &mut Graph, (i, j, weight): (usize, usize, ExprId)| {
-        (i, j, g.scale(weight, &(&scales[i] * &scales[j]).recip()))
-    };
-    let masses = square.masses.into_iter().map(|mass| weight(g, mass)).collect();
+    let by = |i: usize, j: usize| (&scales[i] * &scales[j]).recip();
+    let masses = square.masses.into_iter().map(|(i, j, mass)| (i, j, g.scale(mass, &by(i, j)))).collect();
     (Square { masses, components: scaled.to_vec(), turning: square.turning }, scaled)
-}
-
-/// One over the power of two next to the size of an expression, as far as its numbers tell it; one for sizes near one.
-fn scale(g: &Graph, e: ExprId) -> Rational {
-    /// Powers of two up to which a size is near one.
-    const NEAR: i32 = 4;
-    let mut sizes: HashMap<ExprId, f64> = HashMap::new();
-    for e in g.reachable(&[e]) {
-        let number = |q: &Rational| rational_to_f64(q).abs();
-        let size = match g.node(e) {
-            Node::Constant(q) => number(q),
-            Node::Sum { constant, terms } => {
-                terms.iter().fold(number(constant), |max, (e, q)| max.max(number(q) * sizes[e]))
-            }
-            Node::Product { coefficient, factors } => {
-                let powers = factors.iter().map(|(e, q)| sizes[e].powf(rational_to_f64(q)));
-                number(coefficient) * powers.product::<f64>()
-            }
-            Node::Pi | Node::Symbol(_) | Node::Function(..) | Node::Atan2(..) => 1.0,
-        };
-        sizes.insert(e, size);
-    }
-    let exponent = sizes[&e].log2().round();
-    if !exponent.is_finite() || exponent.abs() <= f64::from(NEAR) {
-        return Rational::one();
-    }
-    let two = Rational::from_integer(2.into());
-    #[allow(clippy::cast_possible_truncation, reason = "exponents of numbers")]
-    let power = Pow::pow(&two, exponent.abs() as u32);
-    if exponent > 0.0 { power.recip() } else { power }
 }
 
 /// The square of an angular velocity, with the products of its components that `rest` has.

@@ -219,6 +219,11 @@ impl OutputRoutine<'_> {
     pub(super) fn is_scalar(&self) -> bool {
         matches!(self.text.components.as_slice(), [component] if *component == self.text.name)
     }
+
+    /// Places of the entries, of a matrix.
+    pub(super) fn pattern(&self) -> &[(usize, usize)] {
+        self.matrix.as_ref().map_or(&[], |(matrix, _)| &matrix.pattern)
+    }
 }
 
 impl<'a> Module<'a> {
@@ -431,12 +436,10 @@ impl<'a> Module<'a> {
         Some((text, values.text.components.len(), &values.name, gradients))
     }
 
-    /// The rows that a motion keeps independent: the entries of their matrix, and where these are.
-    pub(super) fn ranks(&self) -> Option<(&RanksText, &OutputRoutine<'_>, &[(usize, usize)])> {
+    /// The rows that a motion keeps independent, and the entries of their matrix.
+    pub(super) fn ranks(&self) -> Option<(&RanksText, &OutputRoutine<'_>)> {
         let text = self.text.ranks.as_ref()?;
-        let output = self.outputs.iter().find(|o| o.text.name == text.matrix)?;
-        let (matrix, _) = output.matrix.as_ref()?;
-        Some((text, output, &matrix.pattern))
+        Some((text, self.outputs.iter().find(|o| o.text.name == text.matrix && o.matrix.is_some())?))
     }
 
     /// The function that computes the functions of events; none where the scene has no events.

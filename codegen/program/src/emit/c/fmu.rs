@@ -285,7 +285,8 @@ impl Writer<'_> {
 
     /// The rows that may become dependent, one after the other; empty where there are none.
     fn rows(&self, call: &impl Fn(&OutputRoutine<'_>, usize) -> String) -> String {
-        let Some((text, output, pattern)) = self.module.ranks() else { return String::new() };
+        let Some((text, output)) = self.module.ranks() else { return String::new() };
+        let pattern = output.pattern();
         let mut entries = String::new();
         for (k, (i, j)) in pattern.iter().enumerate() {
             if let Some(row) = text.rows.iter().position(|own| own == i) {

@@ -63,7 +63,7 @@ fn token(text: &str, first: char) -> usize {
             end.map_or(text.len(), |(at, c)| at + c.len_utf8())
         }
         '0'..='9' => {
-            let mut length = while_all(|c| is_word_or_point(c));
+            let mut length = while_all(is_word_or_point);
             let has_exponent = !text.starts_with("0x") && text[..length].ends_with('e');
             if has_exponent && text[length..].starts_with(['-', '+']) {
                 length += 1 + text[length + 1..].find(|c| !is_word(c)).unwrap_or(text.len() - length - 1);

@@ -175,7 +175,8 @@ impl Writer<'_> {
 
     /// What following the rank of constraints asks for.
     pub(super) fn independent_rows(&self) -> TokenStream {
-        let Some((text, output, pattern)) = self.module.ranks() else { return TokenStream::new() };
+        let Some((text, output)) = self.module.ranks() else { return TokenStream::new() };
+        let pattern = output.pattern();
         let (rt, arguments) = (&self.runtime, self.arguments());
         let own = || pattern.iter().enumerate().filter(|(_, (i, _))| text.rows.contains(i));
         let columns: BTreeSet<usize> = own().map(|(_, (_, j))| *j).collect();
