@@ -40,7 +40,7 @@ class Draw:
         return text() if self.r.random() < p else ""
 
     def number(self, size=1.0):
-        return repr(round(self.r.uniform(-size, size), self.r.choice([1, 2, 3])))
+        return repr(round(self.r.uniform(-size, size), self.r.choice([1, 2, 3, 5])))
 
     def length(self):
         return repr(round(self.r.uniform(0.02, 0.5), 3))
