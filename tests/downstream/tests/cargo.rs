@@ -18,15 +18,12 @@ impl Package {
         for folder in ["src", "models"] {
             std::fs::create_dir_all(root.join(folder)).unwrap();
         }
-        for file in [
-            "build.rs",
-            "Cargo.lock",
-            "models/suslov_gyrostat.hamel",
-            "models/thinning.hamel",
-            "models/kite.hamel",
-            "models/loop.hamel",
-        ] {
+        for file in ["build.rs", "Cargo.lock"] {
             std::fs::copy(here.join(file), root.join(file)).unwrap();
+        }
+        for model in std::fs::read_dir(here.join("models")).unwrap() {
+            let model = model.unwrap();
+            std::fs::copy(model.path(), root.join("models").join(model.file_name())).unwrap();
         }
         let repository = here.ancestors().nth(2).unwrap().display();
         let manifest = format!(
