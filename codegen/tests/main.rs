@@ -44,6 +44,7 @@ mod parts;
 mod quasi_invariance;
 mod quotients;
 mod random_models;
+mod ranks;
 mod redundant;
 mod reserved;
 mod robots;

@@ -119,7 +119,7 @@ fn a_factor_of_a_row_loses_nothing() {
     assert_eq!(factor.lost_by_all([[1.0, 0.0, 0.0], [-0.5, 0.0, 0.1]]), [None; 6]);
 }
 
-/// A skate that turns nine times round, by three quarters of a turn a step, and twice a step.
+/// A skate that turns eight times round, by less than half a turn in a step of 0.3, and six times in one of 4.3.
 #[test]
 fn a_row_that_turns_all_the_way_round_keeps_its_rank() {
     let skate = Point::new(&[2], |[_, _, z]| [[z.sin(), -z.cos(), 0.0]]);

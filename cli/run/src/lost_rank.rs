@@ -13,7 +13,7 @@ use super::dynamics::{Dynamics, VecState};
 use super::simulation::stopped_because;
 use crate::error::Error;
 
-/// So far a coordinate is moved that rows may depend on.
+/// How far a coordinate is moved to see whether rows depend on it.
 const MOVED: f64 = 0.25;
 
 /// A distance of a row from the span of others, in the greatest lengths of rows and relative to the greatest distance
@@ -154,7 +154,7 @@ impl Rank {
     }
 }
 
-/// A motion with its rows on the way of a step.
+/// A motion with its rows on the way of a step, at whose ends they are known: rows of constraints cost much.
 struct Followed<'a> {
     dynamics: &'a dyn Dynamics,
     /// Where the step begins.

@@ -9,8 +9,8 @@ use num_traits::{One, Pow};
 
 /// One over the power of two next to the size of an expression, as far as its numbers tell it; one for sizes near one.
 pub(super) fn scale(g: &Graph, e: ExprId) -> Rational {
-    /// Powers of two up to which a size is near one.
-    const NEAR: i32 = 4;
+    /// Powers of two up to which a size is near one: the square of a factor, which may be lost, is below 64.
+    const NEAR: i32 = 2;
     let mut sizes: HashMap<ExprId, f64> = HashMap::new();
     for e in g.reachable(&[e]) {
         let number = |q: &Rational| rational_to_f64(q).abs();

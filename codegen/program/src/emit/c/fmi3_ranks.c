@@ -4,6 +4,7 @@
    Rows that go through such a place are turned round: made orthonormal one after the other, as many of them as are
    lost have the opposite direction behind it. A factor that all entries of a row share turns it round and loses
    nothing.
+   The steps and numbers are those of hamel_runtime::keeps_rank.
    Deliberately does not know: which model it is, who makes the steps.
    Sources: Gram and Schmidt; Gantmacher, The theory of matrices (1959), chapter I, section 2 (minors along a path). */
 

@@ -173,33 +173,6 @@ static inline double hamel_product_error(double x, double y) {
 ";
 
 /// On `double`, as `single` takes it.
-const ERROR_OF_SINGLE_PRODUCT: &str = "\
-/* x * y less its rounded value: the operations of hamel_runtime's Real::product_error. */
-static inline double hamel_product_error(double x, double y) {
-    const double product = x * y;
-    uint32_t bits[2];
-    double a, c, b, d, sum, term;
-    memcpy(&bits[0], &x, sizeof x);
-    memcpy(&bits[1], &y, sizeof y);
-    bits[0] &= ~UINT32_C(0xfff);
-    bits[1] &= ~UINT32_C(0xfff);
-    memcpy(&a, &bits[0], sizeof a);
-    memcpy(&c, &bits[1], sizeof c);
-    b = x - a;
-    d = y - c;
-    /* One operation a statement: a compiler that fuses those of one expression gets other bits. */
-    sum = a * c;
-    sum = sum - product;
-    term = a * d;
-    sum = sum + term;
-    term = b * c;
-    sum = sum + term;
-    term = b * d;
-    return sum + term;
-}
-";
-
-/// On `double`, as `single` takes it.
 const SINGLE_SINE_AND_COSINE: &str = "\
 static inline void hamel_sin_cos(double x, double *sine, double *cosine) {
     *sine = sin(x);
@@ -324,7 +297,6 @@ static void hamel_add_products(const uint16_t (*places)[3], const uint32_t *ends
 
 /// The functions that a text on `double` calls, with what they call, for a module of some precision.
 pub(super) fn functions(text: &str, precision: Precision) -> String {
-    let is_single = precision == Precision::Single;
     let calls = |text: &str, name: &str| text.contains(&format!("{name}("));
     let mut functions: Vec<String> = Vec::new();
     let stumpff = calls(text, STUMPFF);
@@ -336,11 +308,19 @@ pub(super) fn functions(text: &str, precision: Precision) -> String {
     }
     let circle = calls(text, CIRCLE_ERROR);
     functions.extend((circle || calls(text, SUM_ERROR)).then(|| ERROR_OF_SUM.to_owned()));
-    let of_product = if is_single { ERROR_OF_SINGLE_PRODUCT } else { ERROR_OF_PRODUCT };
-    functions.extend((circle || calls(text, PRODUCT_ERROR)).then(|| of_product.to_owned()));
+    let of_product = match precision {
+        Precision::Double => ERROR_OF_PRODUCT.to_owned(),
+        Precision::Single => {
+            ERROR_OF_PRODUCT.replace("uint64_t", "uint32_t").replace("UINT64_C(0x7ffffff)", "UINT32_C(0xfff)")
+        }
+    };
+    functions.extend((circle || calls(text, PRODUCT_ERROR)).then_some(of_product));
     functions.extend(circle.then(|| ERROR_OF_CIRCLE.to_owned()));
     if pair {
-        functions.push(if is_single { SINGLE_SINE_AND_COSINE.to_owned() } else { sin_cos() });
+        functions.push(match precision {
+            Precision::Double => sin_cos(),
+            Precision::Single => SINGLE_SINE_AND_COSINE.to_owned(),
+        });
     }
     functions.extend(sine.then(|| SINE.to_owned()));
     functions.extend(cosine.then(|| COSINE.to_owned()));
