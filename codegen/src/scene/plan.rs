@@ -135,7 +135,7 @@ impl Plan {
             derivatives,
             invariants,
             positions,
-            ranks,
+            ranks: _,
             phases,
             connection,
             dirac,
@@ -170,8 +170,7 @@ impl Plan {
         ];
         let has_sets = !derivatives.is_empty() || !dynamics.is_empty() || !of_frames.is_empty();
         let is_plain = !(has_sets || *positions != Share::None || wants.contains(&true));
-        let extent =
-            if has_outputs || *energy || *ranks || !is_plain { Extent::Whole } else { Extent::Rates };
+        let extent = if has_outputs || *energy || !is_plain { Extent::Whole } else { Extent::Rates };
         (Asked { formulation: formulation.clone(), extent }, is_plain)
     }
 
