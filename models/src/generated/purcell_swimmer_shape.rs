@@ -84,19 +84,21 @@ pub struct Prepared<R = f64> {
     c17: R, // 2 * (10 * (1 + k))
     c18: R, // k * k
     c19: R, // k - 1
-    c20: R, // (4/3) * (l * l) * k
-    c21: R, // (1/3) * (l * l) * k
-    c22: R, // 2 * l
-    c23: R, // 2 * l * k
-    c24: R, // 2 * l - l * k
-    c25: R, // l - l * k
+    c20: R, // -(l - l * k)
+    c21: R, // (4/3) * (l * l) * k
+    c22: R, // l * l * (k * k)
+    c23: R, // 2 * (l * l) * k
+    c24: R, // 2 * l
+    c25: R, // 2 * l * k
+    c26: R, // 1 / (l * k)
+    c27: R, // 2 * (l - l * k)
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 4 additions, 20 multiplications, 6 divisions, 2 sign changes.
+    /// Operations: 3 additions, 22 multiplications, 7 divisions, 3 sign changes.
     ///
     /// # Errors
     ///
@@ -112,17 +114,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t5 = t2 * k;
         let t6 = k * k;
         let t7 = R::from_f64(10.0) * (R::ONE + k);
-        let t8 = R::from_f64(2.0) * l;
+        let t8 = l - t1;
+        let t9 = R::from_f64(2.0) * l;
         ::hamel_runtime::ParamError::require(l.all_gt(R::ZERO), "l > 0", "")?;
         ::hamel_runtime::ParamError::require(k.all_gt(R::ZERO), "k > 0", "")?;
         Ok(Self {
             l, k, nu, c0: -t0, c1: t0, c2: t1, c3: k.recip(), c4: R::from_f64(0.5) / t2, c5: t4, c6: t3 * t3 / t5,
             c7: R::from_f64(2.0) * t6, c8: R::from_f64(0.5) / k, c9: R::from_f64(0.5) * k, c10: t5,
             c11: R::from_f64(3.0) * t2 * k, c12: t2.recip(), c13: t7, c14: t4.abs(), c15: t3 / t5,
-            c16: R::from_f64(12.0) * k, c17: R::from_f64(2.0) * t7, c18: t6, c19: t3,
-            c20: R::ratio(4.0, 3.0) * t2 * k,
-            c21: R::ratio(1.0, 3.0) * t2 * k,
-            c22: t8, c23: t8 * k, c24: t8 - t1, c25: l - t1,
+            c16: R::from_f64(12.0) * k, c17: R::from_f64(2.0) * t7, c18: t6, c19: t3, c20: -t8,
+            c21: R::ratio(4.0, 3.0) * t2 * k,
+            c22: t2 * t6, c23: R::from_f64(2.0) * t2 * k, c24: t9, c25: t9 * k, c26: t1.recip(),
+            c27: R::from_f64(2.0) * t8,
         })
     }
 
@@ -157,109 +160,100 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      curvature_omega_alpha1_alpha2, curvature_v1_alpha1_alpha2, curvature_v2_alpha1_alpha2]
     /// ```
     ///
-    /// Operations: 116 additions, 169 multiplications (97 fused), 2 divisions, 2 sign changes, 2 elementary functions.
+    /// Operations: 104 additions, 158 multiplications (91 fused), 2 divisions, 2 sign changes, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn connection(&self, t: R, y: &[R; 2]) -> [R; 9] {
         let [alpha1, alpha2] = *y;
         let _ = t;
         let ([t0, t2], [t1, t3]) = alpha1.sin_cos_of_two(alpha2);
-        let t4 = self.c2 * t0;
-        let t5 = self.c2 * t2;
-        let t6 = self.c2 * t1;
-        let t7 = self.c2 * t3;
-        let t8 = t1 * t1;
-        let t9 = t3 * t3;
-        let t10 = t2 * t2;
-        let t11 = t0 * t0;
-        let t12 = t10 - t11;
-        let t13 = fma(self.l, fma(self.k, t8 - t9, -t12), t6 - t7);
-        let t14 = t1 * t0;
-        let t15 = self.c19 * t14;
-        let t16 = t3 * t2;
-        let t17 = self.c19 * t16;
-        let t18 = t15 + t17;
-        let t19 = t10 + t11;
-        let t20 = R::ONE + t8 + t9;
-        let t21 = fma(t20, self.k, t19).recip();
-        let t22 = t18 * t21;
-        let t23 = fma(-t13, t22, fma(-self.l, t17 - t15, t4 - t5));
-        let t24 = fma(-t6, t22, t4);
-        let t25 = fma(-t18, t22, fma(t19, self.k, t20));
-        let t26 = fma(t1, self.c10, self.c20);
-        let t27 = t13 * t21;
-        let t28 = self.c2 * t27;
-        let t29 = fma(-t1, t28, t26);
-        let t30 = fma(-t25, t29, t23 * t24);
-        let t31 = self.c2 + t7;
-        let t32 = t2 * t31;
-        let t33 = self.c2 + t6;
-        let t34 = t0 * t33;
-        let t35 = t1 * t33;
-        let t36 = t3 * t31;
-        let t37 = fma(-t12, self.l, t35) - t36;
-        let t38 = fma(t22, t37, fma(self.l, t14 - t16, t32) - t34);
-        let t39 = fma(t3, self.c10, self.c20);
-        let t40 = t37 * t21;
-        let t41 = fma(-t13, t40, fma(self.l, fma(t19, self.l, t35) + t36, self.c21 + t26 + t39));
-        let t42 = fma(t25, t41, t23 * t38).recip();
-        let t43 = t30 * t42;
-        let t44 = fma(-t7, t22, t5);
-        let t45 = fma(t3, t28, t39);
-        let t46 = fma(t25, t45, t23 * t44);
-        let t47 = t46 * t42;
-        let t48 = fma(t38, t29, t41 * t24);
-        let t49 = fma(-t38, t45, t41 * t44);
-        let t50 = fma(-t22, t48, t40 * t30);
-        let t51 = fma(-t50, t42, -(t6 * t21));
-        let t52 = t7 * t21;
-        let t53 = fma(-t22, t49, t40 * t46);
-        let t54 = fma(t53, t42, t52);
-        let t55 = self.c19 * (t8 - t11);
-        let t56 = fma(-t22, R::from_f64(2.0) * t15, -t55);
-        let t57 = t52 * t56;
-        let t58 = fma(t15, self.c22, t4);
-        let t59 = fma(t27, t56, fma(t22, t58, fma(t55, self.l, t6)));
-        let t60 = self.c23 * t21;
-        let t61 = t60 * (t3 * t15);
-        let t62 = fma(-t27, t61, t52 * t58);
-        let t63 = fma(-t22, t22, R::ONE);
-        let t64 = R::from_f64(2.0) * fma(-t15, t63, t22 * t55);
-        let t65 = self.c19 * (t10 - t9);
-        let t66 = fma(t17, t22, -(R::from_f64(0.5) * t65));
-        let t67 = t1 * t60;
-        let t68 = t66 * t67;
-        let t69 = fma(t17, self.c22, t5);
-        let t70 = fma(-t17, t27, -(R::from_f64(0.5) * t69));
-        let t71 = t70 * t67;
-        let t72 = R::from_f64(2.0) * fma(-t17, t63, -(t22 * t65));
-        let t73 = R::from_f64(2.0) * t27;
-        let t74 = fma(t66, t73, fma(t22, t69, fma(-t65, self.l, t7)));
-        let t75 = fma(t29, t72, fma(-t45, t64, fma(-t25, t62, fma(t44, t59, fma(t23, t57, fma(-t24, t74, fma(-t25, t71, -(t23 * t68)))))))) * t42;
-        let t76 = fma(t16, self.c24, -t32);
-        let t77 = R::from_f64(2.0) * t40;
-        let t78 = fma(t66, t77, fma(-t22, t76, fma(-t9, self.l, fma(t10, self.c25, t36))));
-        let t79 = fma(-t77, t70, fma(-t27, t76, fma(-t76, self.l, self.c10 * t2)));
-        let t80 = t42 * t42;
-        let t81 = fma(-t41, t72, fma(-t25, t79, fma(-t38, t74, t23 * t78))) * t80;
-        let t82 = fma(t14, self.c24, -t34);
-        let t83 = fma(t40, t56, fma(-t22, t82, fma(-t8, self.l, fma(t11, self.c25, t35))));
-        let t84 = fma(-t15, t40, -(R::from_f64(0.5) * t82));
-        let t85 = fma(-t73, t84, fma(-t40, t58, fma(-t82, self.l, self.c10 * t0)));
-        let t86 = t80 * fma(-t41, t64, fma(-t23, t83, fma(t38, t59, -(t25 * t85))));
-        let t87 = fma(t45, t83, fma(t41, t57, fma(t38, t62, fma(-t24, t79, fma(t38, t71, fma(t29, t78, fma(-t41, t68, -(t44 * t85)))))))) * t42;
-        let t88 = t21 * t42;
-        let t89 = fma(t48, fma(t65, t88, t46 * t80), fma(R::from_f64(2.0), fma(-t51, t17 * t21, -(t88 * (t84 * t46))), fma(-t53, t86, fma(-t50, t81, fma(-t88, t76 * t30, t61 * t21)))));
+        let t4 = t1 * t1;
+        let t5 = t0 * t0;
+        let t6 = fma(t5, self.c3, t4);
+        let t7 = t3 * t3;
+        let t8 = t2 * t2;
+        let t9 = fma(t8, self.c3, t7);
+        let t10 = t1 + t6 - t9;
+        let t11 = self.c2 * t3;
+        let t12 = fma(t10, self.c2, -t11);
+        let t13 = t1 * t0;
+        let t14 = self.c19 * t13;
+        let t15 = t3 * t2;
+        let t16 = self.c19 * t15;
+        let t17 = t14 + t16;
+        let t18 = t9 + t6;
+        let t19 = fma(t18, self.k, self.k).recip();
+        let t20 = t17 * t19;
+        let t21 = self.c2 * t2;
+        let t22 = self.c2 * t0;
+        let t23 = fma(-t12, t20, fma(self.c20, t13 - t15, t22 - t21));
+        let t24 = self.c2 * t1;
+        let t25 = fma(-t20, t24, t22);
+        let t26 = fma(-t17, t20, fma(self.k, t8 + t5, R::ONE + t4 + t7));
+        let t27 = t1 * t19;
+        let t28 = fma(t27, self.c22 * (t3 - t10), fma(t1, self.c10, self.c21));
+        let t29 = fma(-t26, t28, t23 * t25);
+        let t30 = t12 * t19;
+        let t31 = fma(-t12, t30, fma(t18, self.c10, fma(self.c23, t1 + t3, self.c11)));
+        let t32 = fma(t26, t31, -(t23 * t23)).recip();
+        let t33 = t29 * t32;
+        let t34 = self.c2 * fma(-t3, t20, t2);
+        let t35 = fma(t30, self.c2, self.c10);
+        let t36 = fma(t3, t35, self.c21);
+        let t37 = fma(t26, t36, t23 * t34);
+        let t38 = t37 * t32;
+        let t39 = fma(-t23, t28, t31 * t25);
+        let t40 = fma(t23, t36, t31 * t34);
+        let t41 = fma(-t20, t39, t30 * t29);
+        let t42 = fma(-t41, t32, -(self.c2 * t27));
+        let t43 = t11 * t19;
+        let t44 = fma(-t20, t40, t30 * t37);
+        let t45 = fma(t44, t32, t43);
+        let t46 = t4 - t5;
+        let t47 = self.c19 * t46;
+        let t48 = R::from_f64(2.0) * t20;
+        let t49 = fma(-t14, t48, -t47);
+        let t50 = t43 * t49;
+        let t51 = fma(t14, self.c24, t22);
+        let t52 = fma(t30, t49, fma(t20, t51, fma(t47, self.l, t24)));
+        let t53 = t14 * t30;
+        let t54 = fma(-t53, self.c25 * t3 * t19, t43 * t51);
+        let t55 = fma(-t20, t20, R::ONE);
+        let t56 = R::from_f64(2.0) * fma(-t14, t55, t20 * t47);
+        let t57 = t7 - t8;
+        let t58 = self.c19 * t57;
+        let t59 = fma(t16, t20, R::from_f64(0.5) * t58);
+        let t60 = self.c25 * t27;
+        let t61 = t59 * t60;
+        let t62 = fma(-t16, t30, -(R::from_f64(0.5) * fma(t16, self.c24, t21)));
+        let t63 = t62 * t60;
+        let t64 = R::from_f64(2.0) * fma(-t16, t55, t20 * t58);
+        let t65 = self.c26 * t35;
+        let t66 = fma(t58, t65, fma(-t62, t48, t11));
+        let t67 = fma(-t26, t54, fma(-t25, t66, fma(t28, t64, fma(-t36, t56, fma(t34, t52, fma(t23, t50, fma(-t26, t63, -(t23 * t61)))))))) * t32;
+        let t68 = fma(t15, self.c27, -t21);
+        let t69 = R::from_f64(2.0) * t30;
+        let t70 = fma(t59, t69, fma(-t20, t68, fma(t57, self.c20, t11)));
+        let t71 = fma(-t68, t65, fma(-t69, t62, self.c10 * t2));
+        let t72 = t32 * t32;
+        let t73 = fma(-t31, t64, fma(-t26, t71, fma(t23, t66, t23 * t70))) * t72;
+        let t74 = fma(t13, self.c27, -t22);
+        let t75 = fma(t30, t49, fma(-t20, t74, fma(t46, self.c20, t24)));
+        let t76 = fma(t69, t53, fma(-t30, t51, fma(t30, t74, fma(-t74, self.l, self.c10 * t0))));
+        let t77 = t72 * fma(-t31, t56, fma(-t26, t76, fma(-t23, t75, -(t23 * t52))));
+        let t78 = fma(-t23, t54, fma(-t25, t71, fma(-t34, t76, fma(t36, t75, fma(t31, t50, fma(-t23, t63, fma(t28, t70, -(t31 * t61)))))))) * t32;
+        let t79 = t19 * t32;
+        let t80 = fma(-fma(t16, t42, -(t14 * t45)), R::from_f64(2.0) * t19, fma(-t40, fma(t47, t79, t29 * t72), fma(t39, fma(-t58, t79, t37 * t72), fma(-t41, t73, fma(-t44, t77, -(t79 * fma(-t37, t74, t29 * t68)))))));
         [
-            -t43,
-            t47,
-            t48 * t42,
-            -(t49 * t42),
-            t51,
-            t54,
-            fma(-t46, t86, fma(-t30, t81, t75)),
-            fma(t49, t86, fma(t48, t81, fma(-t47, t51, fma(-t43, t54, -t87)))),
-            fma(t40, t75, fma(-t22, t87, fma(-t49, fma(-t56, t88, t30 * t80), t89))),
+            -t33,
+            t38,
+            t39 * t32,
+            -(t40 * t32),
+            t42,
+            t45,
+            fma(-t37, t77, fma(-t29, t73, t67)),
+            fma(t40, t77, fma(t39, t73, fma(-t38, t42, fma(-t33, t45, -t78)))),
+            fma(t30, t67, fma(-t20, t78, t80)),
         ]
     }
 
@@ -383,7 +377,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[2] {
     l, k, nu, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20,
-    c21, c22, c23, c24, c25,
+    c21, c22, c23, c24, c25, c26, c27,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

@@ -104,29 +104,27 @@ pub struct Prepared<R = f64> {
     c11: R, // 2 * sin((2/5) * pi) / pi
     c12: R, // 2.1875 * sin((1/5) * pi) / pi
     c13: R, // 0.625 * sin((1/5) * pi) / pi
-    c14: R, // -2 * sin((3/10) * pi)
-    c15: R, // 2 * sin((1/10) * pi)
-    c16: R, // sin((1/10) * pi)
-    c17: R, // -sin((3/10) * pi)
-    c18: R, // 0.75 * sin((2/5) * pi) / pi
-    c19: R, // 0.1875 * sin((1/5) * pi) / pi
-    c20: R, // 1.875 * sin((1/5) * pi) / pi
-    c21: R, // 0.125 * sin((1/5) * pi) / pi
-    c22: R, // 2 * sin((2/5) * pi) / pi
-    c23: R, // 0.625 * sin((1/5) * pi) / pi
-    c24: R, // 0.9375 * sin((2/5) * pi) / pi
-    c25: R, // 2 * sin((1/5) * pi) / pi
-    c26: R, // 0.125 * sin((2/5) * pi) / pi
-    c27: R, // 2.1875 * sin((1/5) * pi) / pi
-    c28: R, // 1.875 * sin((1/5) * pi) / pi
-    c29: R, // 0.3125 * sin((2/5) * pi) / pi
+    c14: R, // sin((1/10) * pi)
+    c15: R, // -sin((3/10) * pi)
+    c16: R, // 0.75 * sin((2/5) * pi) / pi
+    c17: R, // 0.1875 * sin((1/5) * pi) / pi
+    c18: R, // 1.875 * sin((1/5) * pi) / pi
+    c19: R, // 0.125 * sin((1/5) * pi) / pi
+    c20: R, // 2 * sin((2/5) * pi) / pi
+    c21: R, // 0.625 * sin((1/5) * pi) / pi
+    c22: R, // 0.9375 * sin((2/5) * pi) / pi
+    c23: R, // 2 * sin((1/5) * pi) / pi
+    c24: R, // 0.125 * sin((2/5) * pi) / pi
+    c25: R, // 2.1875 * sin((1/5) * pi) / pi
+    c26: R, // 1.875 * sin((1/5) * pi) / pi
+    c27: R, // 0.3125 * sin((2/5) * pi) / pi
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 20 multiplications, 14 divisions, 1 sign change, 4 elementary functions.
+    /// Operations: 18 multiplications, 14 divisions, 1 sign change, 4 elementary functions.
     ///
     /// # Errors
     ///
@@ -146,16 +144,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t10 = R::from_f64(2.0) * t0 / R::from_f64(::core::f64::consts::PI);
         let t11 = R::from_f64(2.1875) * t2 / R::from_f64(::core::f64::consts::PI);
         let t12 = R::from_f64(0.625) * t2 / R::from_f64(::core::f64::consts::PI);
-        let t13 = (R::ratio(3.0, 10.0) * R::from_f64(::core::f64::consts::PI)).sin();
-        let t14 = (R::ratio(1.0, 10.0) * R::from_f64(::core::f64::consts::PI)).sin();
         Ok(Self {
             c0: t1, c1: t3, c2: t4,
             c3: R::from_f64(1.25) * t0 / R::from_f64(::core::f64::consts::PI),
             c4: R::from_f64(0.75) * t2 / R::from_f64(::core::f64::consts::PI),
             c5: R::from_f64(0.1875) * t0 / R::from_f64(::core::f64::consts::PI),
-            c6: t5, c7: t6, c8: t7, c9: t8, c10: t9, c11: t10, c12: t11, c13: t12, c14: R::from_f64(-2.0) * t13,
-            c15: R::from_f64(2.0) * t14, c16: t14, c17: -t13, c18: t1, c19: t3, c20: t8, c21: t4, c22: t10, c23: t12,
-            c24: t7, c25: t5, c26: t9, c27: t11, c28: t8, c29: t6,
+            c6: t5, c7: t6, c8: t7, c9: t8, c10: t9, c11: t10, c12: t11, c13: t12,
+            c14: (R::ratio(1.0, 10.0) * R::from_f64(::core::f64::consts::PI)).sin(),
+            c15: -(R::ratio(3.0, 10.0) * R::from_f64(::core::f64::consts::PI)).sin(),
+            c16: t1, c17: t3, c18: t8, c19: t4, c20: t10, c21: t12, c22: t7, c23: t5, c24: t9, c25: t11, c26: t8,
+            c27: t6,
         })
     }
 
@@ -190,9 +188,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t11 = self.c3 * im_1_1;
         let t12 = self.c3 * im_1_m1;
         let t13 = t11 - t12;
-        let t14 = self.c18 * re_1_1;
+        let t14 = self.c16 * re_1_1;
         let t15 = self.c0 * im_1_1;
-        let t16 = self.c19 * re_2_2;
+        let t16 = self.c17 * re_2_2;
         let t17 = self.c1 * im_2_2;
         let t18 = fma(-im_2_1, t17, fma(-re_2_1, t16, fma(-im_1_2, t15, fma(-re_1_2, t14, fma(t6, t7, fma(t4, t5, fma(im_2_m1, t3, fma(re_2_m1, t2, fma(im_1_m2, t1, re_1_m2 * t0)))))))));
         let r_dh_dre_0_1 = fma(-im_1_0, t13, fma(-re_1_0, t10, t18));
@@ -238,7 +236,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t55 = self.c12 * re_1_0;
         let t56 = self.c12 * im_1_0;
         let t57 = self.c13 * re_1_1;
-        let t58 = self.c20 * im_0_2;
+        let t58 = self.c18 * im_0_2;
         let t59 = im_1_0 * t58;
         let t60 = t2 + t32;
         let t61 = t33 - t3;
@@ -252,8 +250,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t68 = t32 - t2;
         let t69 = fma(-im_1_0, t47, fma(im_0_2, t57, fma(re_0_2, t62, fma(re_0_1, t12, fma(im_2_2, t38, fma(re_2_2, t36, fma(im_2_m2, t55, fma(re_1_0, t58, fma(re_1_m1, t48, -t64)))))))));
         let r_dh_dim_1_m2 = fma(-im_2_m1, t68, fma(-im_1_2, t67, fma(re_2_m1, t66, fma(re_1_2, t65, fma(-im_0_1, t9, fma(-re_2_m2, t56, t69))))));
-        let t70 = self.c21 * im_0_2;
-        let t71 = self.c22 * re_1_0;
+        let t70 = self.c19 * im_0_2;
+        let t71 = self.c20 * re_1_0;
         let t72 = self.c11 * im_1_0;
         let t73 = im_2_0 - im_0_2;
         let t74 = re_2_0 - re_0_2;
@@ -274,7 +272,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let r_dh_dim_1_0 = fma(-im_0_1, t19, fma(re_0_1, t13, t85));
         let t86 = im_1_2 + im_2_1;
         let t87 = re_1_2 - re_2_1;
-        let t88 = self.c23 * im_1_m1;
+        let t88 = self.c21 * im_1_m1;
         let t89 = self.c13 * re_1_m1;
         let t90 = fma(-im_2_1, t72, fma(-re_2_1, t71, fma(-re_2_m1, t6, fma(t26, t87, fma(t27, t86, fma(im_2_m1, t4, fma(im_1_2, t53, fma(re_1_2, t50, fma(im_1_m2, t70, re_1_m2 * t75)))))))));
         let r_dh_dre_1_1 = fma(-t74, t89, fma(-t79, t88, t90));
@@ -284,7 +282,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let r_dh_dim_1_1 = fma(-t26, t92, fma(-t73, t89, t93));
         let t94 = t16 + t24;
         let t95 = t25 - t17;
-        let t96 = self.c24 * re_2_m2;
+        let t96 = self.c22 * re_2_m2;
         let t97 = self.c8 * im_2_m2;
         let t98 = fma(-re_0_1, t8, fma(-im_2_2, t56, fma(-re_2_2, t55, fma(-im_2_m2, t36, fma(-im_1_1, t97, fma(-re_1_1, t96, fma(im_0_1, t11, fma(re_2_m2, t38, fma(re_1_0, t47, -t59)))))))));
         let r_dh_dre_1_2 = fma(-im_1_m2, t65, fma(-re_1_m2, t51, fma(im_2_1, t95, fma(re_2_1, t94, fma(-im_0_2, t88, fma(-re_0_2, t89, t98))))));
@@ -293,10 +291,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t101 = t17 + t25;
         let t102 = fma(-re_0_1, t11, fma(-im_2_2, t55, fma(-im_2_m2, t38, fma(-re_2_m2, t36, fma(im_0_2, t89, fma(re_2_2, t56, fma(im_1_1, t96, fma(im_1_0, t47, fma(re_1_0, t58, -t100)))))))));
         let r_dh_dim_1_2 = fma(-re_2_1, t101, fma(-re_1_m2, t54, fma(im_2_1, t99, fma(im_1_m2, t67, fma(-re_0_2, t88, fma(-im_0_1, t8, t102))))));
-        let t103 = self.c25 * re_0_1;
+        let t103 = self.c23 * re_0_1;
         let t104 = self.c6 * im_0_1;
-        let t105 = self.c26 * re_0_2;
-        let t106 = self.c27 * im_0_1;
+        let t105 = self.c24 * re_0_2;
+        let t106 = self.c25 * im_0_1;
         let t107 = t106 - t56;
         let t108 = self.c10 * im_0_2;
         let t109 = self.c12 * re_0_1;
@@ -307,10 +305,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t113 = t55 + t109;
         let t114 = fma(-re_2_m1, t104, fma(-im_1_m2, t30, fma(-re_1_m2, t28, fma(t14, t86, fma(t15, t91, fma(im_2_1, t105, fma(re_2_1, t108, fma(im_2_m1, t103, fma(im_1_2, t49, re_1_2 * t52)))))))));
         let r_dh_dim_2_m2 = fma(-im_2_2, t113, fma(-re_2_2, t112, t114));
-        let t115 = self.c28 * re_0_1;
+        let t115 = self.c26 * re_0_1;
         let t116 = re_2_0 * t115;
         let t117 = self.c9 * im_0_1;
-        let t118 = self.c29 * re_0_2;
+        let t118 = self.c27 * re_0_2;
         let t119 = t105 - t71;
         let t120 = t72 + t108;
         let t121 = self.c7 * im_0_2;
@@ -388,7 +386,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// Components: `[C2, C3, C4, C5]`.
     ///
-    /// Operations: 1725 additions, 1789 multiplications (1657 fused).
+    /// Operations: 1702 additions, 1752 multiplications (1629 fused).
     #[inline]
     #[must_use]
     pub fn casimirs(&self, t: R, y: &[R; 24]) -> [R; 4] {
@@ -397,325 +395,313 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             re_1_2, im_1_2, re_2_m2, im_2_m2, re_2_m1, im_2_m1, re_2_0, im_2_0, re_2_1, im_2_1, re_2_2, im_2_2,
         ] = *y;
         let _ = t;
-        let t0 = re_0_1 * re_0_1;
-        let t1 = fma(im_1_2, im_1_2, fma(im_2_m2, im_2_m2, fma(im_2_m1, im_2_m1, fma(im_2_0, im_2_0, fma(im_2_1, im_2_1, fma(re_2_1, re_2_1, fma(im_2_2, im_2_2, fma(re_2_2, re_2_2, t0))))))));
-        let t2 = fma(im_0_2, im_0_2, fma(im_1_m2, im_1_m2, fma(re_1_m1, re_1_m1, fma(im_1_m1, im_1_m1, fma(re_1_0, re_1_0, fma(im_1_0, im_1_0, fma(im_1_1, im_1_1, fma(re_1_2, re_1_2, t1))))))));
-        let t3 = fma(im_0_1, im_0_1, t2);
-        let t4 = R::from_f64(2.0) * re_0_2;
-        let t5 = R::from_f64(2.0) * re_1_m2;
-        let t6 = R::from_f64(2.0) * re_1_1;
-        let t7 = R::from_f64(2.0) * re_2_m2;
-        let t8 = R::from_f64(2.0) * re_2_m1;
-        let t9 = R::from_f64(2.0) * re_2_0;
-        let t10 = R::from_f64(2.0) * im_2_1 * im_1_m2;
-        let t11 = im_1_m1 * im_1_2;
-        let t12 = fma(-im_0_1, im_2_0, fma(re_0_1, re_2_0, fma(im_0_1, im_2_2, fma(re_0_1, re_2_2, fma(-im_1_m1, im_2_0, fma(re_1_m1, re_2_0, fma(-im_1_2, im_2_2, fma(re_1_2, re_2_2, -t11))))))));
-        let t13 = im_1_0 * im_1_1;
-        let t14 = fma(-im_0_2, im_2_m1, fma(re_0_2, re_2_m1, fma(im_0_2, im_2_m2, fma(re_0_2, re_2_m2, fma(-im_1_1, im_2_m2, fma(re_1_1, re_2_m2, fma(-im_1_0, im_2_m1, fma(re_1_0, re_2_m1, -t13))))))));
-        let t15 = fma(self.c15, fma(re_1_0, re_1_1, t14), fma(self.c14, fma(re_1_m1, re_1_2, t12), fma(re_2_1, t5, fma(re_1_m2, re_1_m2, fma(-im_1_m2, im_1_m2, -t10)))));
-        let t16 = R::from_f64(2.0) * im_2_2 * im_1_1;
-        let t17 = im_1_0 * im_1_2;
-        let t18 = fma(-im_0_1, im_2_1, fma(re_0_1, re_2_1, fma(im_0_1, im_2_m2, fma(re_0_1, re_2_m2, fma(-im_1_0, im_2_m2, fma(re_1_0, re_2_m2, fma(-im_1_2, im_2_1, fma(re_1_2, re_2_1, -t17))))))));
-        let t19 = im_1_m2 * im_1_m1;
-        let t20 = fma(re_0_2, re_2_0, fma(im_0_2, im_2_m1, fma(re_0_2, re_2_m1, fma(-im_1_m1, im_2_m1, fma(re_1_m1, re_2_m1, fma(-im_1_m2, im_2_0, fma(re_1_m2, re_2_0, -t19)))))));
-        let t21 = fma(self.c15, fma(re_1_m2, re_1_m1, fma(-im_0_2, im_2_0, t20)), fma(self.c14, fma(re_1_0, re_1_2, t18), fma(re_2_2, t6, fma(-im_1_1, im_1_1, fma(re_1_1, re_1_1, -t16)))));
-        let t22 = re_1_0 * t9;
-        let t23 = R::from_f64(2.0) * im_2_0;
-        let t24 = im_0_2 * im_1_m2;
-        let t25 = fma(im_0_2, im_1_2, fma(re_0_2, re_1_2, fma(im_1_m2, im_2_m2, fma(re_1_m2, re_2_m2, fma(im_1_2, im_2_2, fma(re_1_2, re_2_2, fma(-im_2_m2, im_2_2, fma(re_2_m2, re_2_2, -t24))))))));
-        let t26 = im_0_1 * im_1_m1;
-        let t27 = fma(im_0_1, im_1_1, fma(re_0_1, re_1_1, fma(im_1_m1, im_2_m1, fma(re_1_m1, re_2_m1, fma(im_1_1, im_2_1, fma(re_1_1, re_2_1, fma(-im_2_m1, im_2_1, fma(re_2_m1, re_2_1, -t26))))))));
-        let t28 = fma(self.c15, fma(re_0_1, re_1_m1, t27), fma(self.c14, fma(re_0_2, re_1_m2, t25), fma(im_1_0, t23, fma(re_2_0, re_2_0, fma(-im_2_0, im_2_0, t22)))));
-        let t29 = R::from_f64(2.0) * im_2_m1 * im_1_2;
-        let t30 = im_0_2 * im_1_0;
-        let t31 = fma(im_0_2, im_1_m1, fma(re_0_2, re_1_m1, fma(im_1_m1, im_2_1, fma(re_1_m1, re_2_1, fma(im_1_0, im_2_2, fma(re_1_0, re_2_2, fma(-im_2_1, im_2_2, fma(re_2_1, re_2_2, -t30))))))));
-        let t32 = im_0_1 * im_1_m2;
-        let t33 = fma(re_0_1, re_1_1, fma(re_0_1, re_1_m2, fma(im_1_m2, im_2_0, fma(re_1_m2, re_2_0, fma(im_1_1, im_2_m2, fma(re_1_1, re_2_m2, fma(-im_2_m2, im_2_0, fma(re_2_m2, re_2_0, t32))))))));
-        let t34 = fma(self.c15, fma(-im_0_1, im_1_1, t33), fma(self.c14, fma(re_0_2, re_1_0, t31), fma(re_1_2, t8, fma(-im_2_m1, im_2_m1, fma(re_2_m1, re_2_m1, t29)))));
-        let t35 = re_0_1 * t4;
-        let t36 = R::from_f64(2.0) * im_0_2;
-        let t37 = im_2_m2 * im_2_m1;
-        let t38 = fma(im_2_m1, im_2_0, fma(re_2_m1, re_2_0, fma(im_2_0, im_2_1, fma(re_2_0, re_2_1, fma(im_2_1, im_2_2, fma(re_2_1, re_2_2, fma(im_2_m2, im_2_2, fma(re_2_m2, re_2_2, t37))))))));
-        let t39 = fma(re_1_m2, re_1_m1, fma(im_1_m1, im_1_0, fma(re_1_m1, re_1_0, fma(re_1_0, re_1_1, fma(im_1_1, im_1_2, fma(re_1_1, re_1_2, fma(im_1_m2, im_1_2, fma(re_1_m2, re_1_2, t13))))))));
-        let t40 = fma(self.c15, t39 + t19, fma(self.c14, fma(re_2_m2, re_2_m1, t38), fma(im_0_1, t36, fma(-im_0_2, im_0_2, fma(re_0_2, re_0_2, t35)))));
-        let t41 = re_1_m1 * t7;
-        let t42 = R::from_f64(2.0) * im_2_m2;
-        let t43 = im_0_2 * im_1_1;
-        let t44 = fma(re_0_2, re_1_2, fma(re_0_2, re_1_1, fma(im_1_1, im_2_0, fma(re_1_1, re_2_0, fma(im_1_2, im_2_1, fma(re_1_2, re_2_1, fma(-im_2_0, im_2_1, fma(re_2_0, re_2_1, t43))))))));
-        let t45 = fma(im_0_1, im_1_0, fma(re_0_1, re_1_0, fma(im_1_m2, im_2_2, fma(re_1_m2, re_2_2, fma(im_1_0, im_2_m1, fma(re_1_0, re_2_m1, fma(-im_2_m1, im_2_2, fma(re_2_m1, re_2_2, -t32))))))));
-        let t46 = fma(self.c15, fma(re_0_1, re_1_m2, t45), fma(self.c14, fma(-im_0_2, im_1_2, t44), fma(im_1_m1, t42, fma(re_2_m2, re_2_m2, fma(-im_2_m2, im_2_m2, t41)))));
-        let t47 = fma(re_1_m1, t46, fma(re_0_1, t40, fma(re_1_2, t34, fma(re_1_0, t28, fma(re_2_2, t21, re_2_1 * t15)))));
-        let t48 = re_0_1 - re_0_2;
-        let t49 = im_1_m2 * re_1_m1;
-        let t50 = fma(-im_1_m1, re_1_0, fma(re_1_m1, im_1_0, fma(-im_1_0, re_1_1, fma(re_1_0, im_1_1, fma(-im_1_1, re_1_2, fma(re_1_1, im_1_2, fma(-re_1_m2, im_1_2, fma(im_1_m2, re_1_2, -t49))))))));
-        let t51 = im_2_m2 * re_2_m1;
-        let t52 = fma(-im_2_m1, re_2_0, fma(re_2_m1, im_2_0, fma(-im_2_0, re_2_1, fma(re_2_0, im_2_1, fma(-im_2_1, re_2_2, fma(re_2_1, im_2_2, fma(-re_2_m2, im_2_2, fma(im_2_m2, re_2_2, -t51))))))));
-        let t53 = fma(self.c17, fma(re_2_m2, im_2_m1, t52), fma(self.c16, fma(re_1_m2, im_1_m1, t50), fma(im_0_2, t48, -(im_0_1 * re_0_2))));
-        let t54 = re_1_m2 - re_2_1;
-        let t55 = fma(-re_0_2, im_1_1, fma(im_0_2, re_1_0, fma(-re_0_2, im_1_0, fma(im_1_0, re_2_m2, fma(-re_1_0, im_2_m2, fma(im_1_1, re_2_m1, fma(-re_1_1, im_2_m1, fma(re_2_m2, im_2_m1, t51))))))));
-        let t56 = im_2_0 * re_2_2;
-        let t57 = fma(im_0_1, re_1_2, fma(re_0_1, im_1_2, fma(-im_0_1, re_1_m1, fma(re_0_1, im_1_m1, fma(-im_1_m1, re_2_2, fma(re_1_m1, im_2_2, fma(-im_1_2, re_2_0, fma(re_1_2, im_2_0, -t56))))))));
-        let t58 = fma(-self.c16, fma(-re_2_0, im_2_2, t57), fma(self.c17, fma(-im_0_2, re_1_1, t55), fma(-im_2_1, t54, im_1_m2 * re_2_1)));
-        let t59 = re_1_0 - re_2_0;
-        let t60 = im_0_2 * re_1_m2;
-        let t61 = fma(im_0_2, re_1_2, fma(-re_0_2, im_1_2, fma(im_1_m2, re_2_m2, fma(-re_1_m2, im_2_m2, fma(im_1_2, re_2_2, fma(-re_1_2, im_2_2, fma(im_2_m2, re_2_2, fma(re_2_m2, im_2_2, -t60))))))));
-        let t62 = im_2_m1 * re_2_1;
-        let t63 = fma(im_0_1, re_1_m1, fma(re_0_1, im_1_m1, fma(-im_0_1, re_1_1, fma(re_0_1, im_1_1, fma(-im_1_m1, re_2_m1, fma(re_1_m1, im_2_m1, fma(-im_1_1, re_2_1, fma(re_1_1, im_2_1, -t62))))))));
-        let t64 = fma(self.c16, fma(-re_2_m1, im_2_1, t63), fma(-self.c17, fma(-re_0_2, im_1_m2, t61), fma(im_2_0, t59, -(im_1_0 * re_2_0))));
-        let t65 = re_1_1 - re_2_2;
-        let t66 = fma(-re_0_2, im_1_m2, fma(im_1_m2, re_2_m1, fma(-re_1_m2, im_2_m1, fma(im_1_m1, re_2_0, fma(-re_1_m1, im_2_0, fma(im_2_m1, re_2_0, fma(re_2_m1, im_2_0, t60)))))));
-        let t67 = im_2_m2 * re_2_1;
-        let t68 = fma(im_0_1, re_1_0, fma(re_0_1, im_1_0, fma(-im_0_1, re_1_2, fma(re_0_1, im_1_2, fma(-im_1_0, re_2_1, fma(re_1_0, im_2_1, fma(-im_1_2, re_2_m2, fma(re_1_2, im_2_m2, -t67))))))));
-        let t69 = fma(-self.c16, fma(-re_2_m2, im_2_1, t68), fma(self.c17, fma(-im_0_2, re_1_m1, fma(-re_0_2, im_1_m1, t66)), fma(-im_2_2, t65, im_1_1 * re_2_2)));
-        let t70 = re_1_2 - re_2_m1;
-        let t71 = im_1_m1 * re_2_1;
-        let t72 = fma(-re_0_2, im_1_0, fma(im_0_2, re_1_m1, fma(-re_0_2, im_1_m1, fma(-re_1_m1, im_2_1, fma(im_1_0, re_2_2, fma(-re_1_0, im_2_2, fma(im_2_1, re_2_2, fma(re_2_1, im_2_2, t71))))))));
-        let t73 = im_2_m2 * re_2_0;
-        let t74 = fma(im_0_1, re_1_1, fma(re_0_1, im_1_1, fma(-im_0_1, re_1_m2, fma(re_0_1, im_1_m2, fma(-im_1_m2, re_2_0, fma(re_1_m2, im_2_0, fma(-im_1_1, re_2_m2, fma(re_1_1, im_2_m2, -t73))))))));
-        let t75 = fma(self.c16, fma(-re_2_m2, im_2_0, t74), fma(-self.c17, fma(-im_0_2, re_1_0, t72), fma(im_2_m1, t70, -(im_1_2 * re_2_m1))));
-        let t76 = fma(-re_1_m1, im_1_1, fma(-im_0_1, re_2_m1, fma(-re_0_1, im_2_m1, fma(im_0_1, re_2_1, fma(-re_0_1, im_2_1, fma(im_1_1, re_2_m1, fma(re_1_1, im_2_m1, fma(re_1_m1, im_2_1, t71))))))));
-        let t77 = im_1_m2 * re_2_2;
-        let t78 = fma(-re_1_2, im_2_m2, fma(-re_1_m2, im_2_2, fma(im_1_m2, re_1_2, fma(re_1_m2, im_1_2, fma(im_0_2, re_2_m2, fma(re_0_2, im_2_m2, fma(-im_0_2, re_2_2, fma(re_0_2, im_2_2, -t77))))))));
-        let t79 = fma(-self.c16, fma(-im_1_2, re_2_m2, t78), fma(self.c17, fma(-im_1_m1, re_1_1, t76), fma(-im_1_0, t59, re_1_0 * im_2_0)));
-        let t80 = im_1_m1 * re_1_2;
-        let t81 = fma(-im_0_1, re_2_0, fma(-re_0_1, im_2_0, fma(im_0_1, re_2_2, fma(-re_0_1, im_2_2, fma(im_1_m1, re_2_0, fma(re_1_m1, im_2_0, fma(im_1_2, re_2_2, fma(re_1_2, im_2_2, -t80))))))));
-        let t82 = im_1_0 * re_2_m1;
-        let t83 = fma(-re_1_1, im_2_m2, fma(-re_1_0, im_2_m1, fma(im_1_0, re_1_1, fma(re_1_0, im_1_1, fma(im_0_2, re_2_m1, fma(re_0_2, im_2_m1, fma(-im_0_2, re_2_m2, fma(re_0_2, im_2_m2, -t82))))))));
-        let t84 = fma(-self.c16, fma(-im_1_1, re_2_m2, t83), fma(self.c17, fma(-re_1_m1, im_1_2, t81), fma(-im_1_m2, t54, re_1_m2 * im_2_1)));
-        let t85 = im_1_m2 * re_1_1;
-        let t86 = fma(-im_0_1, re_2_m2, fma(-re_0_1, im_2_m2, fma(im_0_1, re_2_0, fma(-re_0_1, im_2_0, fma(im_1_m2, re_2_m2, fma(re_1_m2, im_2_m2, fma(im_1_1, re_2_0, fma(re_1_1, im_2_0, -t85))))))));
-        let t87 = im_0_2 * re_2_1;
-        let t88 = fma(-re_1_0, im_2_1, fma(-im_1_m1, re_2_2, fma(-re_1_m1, im_2_2, fma(im_1_m1, re_1_0, fma(re_1_m1, im_1_0, fma(im_0_2, re_2_2, fma(re_0_2, im_2_2, fma(re_0_2, im_2_1, -t87))))))));
-        let t89 = fma(-self.c16, fma(-im_1_0, re_2_1, t88), fma(self.c17, fma(-re_1_m2, im_1_1, t86), fma(-im_1_2, t70, re_1_2 * im_2_m1)));
-        let t90 = re_1_m1 - re_2_m2;
-        let t91 = im_1_m2 * re_1_0;
-        let t92 = fma(-im_0_1, re_2_2, fma(-re_0_1, im_2_2, fma(im_0_1, re_2_m1, fma(-re_0_1, im_2_m1, fma(im_1_m2, re_2_m1, fma(re_1_m2, im_2_m1, fma(im_1_0, re_2_2, fma(re_1_0, im_2_2, -t91))))))));
-        let t93 = fma(-re_1_2, im_2_0, fma(-im_1_1, re_2_1, fma(-re_1_1, im_2_1, fma(im_1_1, re_1_2, fma(re_1_1, im_1_2, fma(re_0_2, im_2_1, fma(-im_0_2, re_2_0, fma(re_0_2, im_2_0, t87))))))));
-        let t94 = fma(-self.c16, fma(-im_1_2, re_2_0, t93), fma(self.c17, fma(-re_1_m2, im_1_0, t92), fma(-im_1_m1, t90, re_1_m1 * im_2_m2)));
-        let t95 = im_1_2 * re_2_1;
-        let t96 = fma(-re_0_2, im_1_2, fma(im_0_2, re_1_1, fma(-re_0_2, im_1_1, fma(im_1_1, re_2_0, fma(-re_1_1, im_2_0, fma(-re_1_2, im_2_1, fma(im_2_0, re_2_1, fma(re_2_0, im_2_1, t95))))))));
-        let t97 = fma(-im_2_m1, re_2_2, fma(-re_2_m1, im_2_2, fma(im_0_1, re_1_m2, fma(re_0_1, im_1_m2, fma(-im_0_1, re_1_0, fma(re_0_1, im_1_0, fma(re_1_m2, im_2_2, fma(re_1_0, im_2_m1, -t82))))))));
-        let t98 = fma(self.c16, t97 - t77, fma(-self.c17, fma(-im_0_2, re_1_2, t96), fma(im_2_m2, t90, -(im_1_m1 * re_2_m2))));
-        let t99 = fma(re_1_m2, im_1_0, fma(-im_1_m1, re_1_1, fma(re_1_m1, im_1_1, fma(-im_1_0, re_1_2, fma(re_1_0, im_1_2, fma(-re_1_m2, im_1_1, fma(-re_1_m1, im_1_2, t80))))))) + t85;
-        let t100 = fma(-self.c16, fma(re_2_m2, im_2_0, fma(re_2_m1, im_2_1, fma(re_2_0, im_2_2, fma(-re_2_m2, im_2_1, fma(-re_2_m1, im_2_2, fma(im_2_m1, re_2_2, t67)))))) - t56 - t62 - t73, fma(-self.c17, t99 - t91, fma(-im_0_1, t48, re_0_1 * im_0_2)));
-        let t101 = fma(-im_2_m2, t94, fma(-im_2_m1, t89, fma(-im_2_1, t84, fma(-im_2_0, t79, fma(im_1_2, t75, fma(-im_1_1, t69, fma(im_1_0, t64, fma(-im_1_m2, t58, im_0_1 * t53))))))));
-        let t102 = im_1_m2 * im_1_1;
-        let t103 = fma(im_1_m2, im_1_0, fma(re_1_m2, re_1_0, fma(im_1_m1, im_1_1, fma(re_1_m1, re_1_1, fma(re_1_0, re_1_2, fma(re_1_m2, re_1_1, fma(re_1_m1, re_1_2, t11))))))) + t102;
-        let t104 = im_2_0 * im_2_2;
-        let t105 = fma(re_2_m2, re_2_0, fma(im_2_m1, im_2_1, fma(re_2_m1, re_2_1, fma(re_2_0, re_2_2, fma(im_2_m2, im_2_1, fma(re_2_m2, re_2_1, fma(im_2_m1, im_2_2, fma(re_2_m1, re_2_2, t104))))))));
-        let t106 = fma(self.c15, fma(im_2_m2, im_2_0, t105), fma(self.c14, t103 + t17, fma(-im_0_1, im_0_1 + t36, t0 + t35)));
-        let t107 = fma(re_0_2, re_1_1, fma(re_0_2, re_1_0, fma(im_1_0, im_2_m2, fma(re_1_0, re_2_m2, fma(im_1_1, im_2_m1, fma(re_1_1, re_2_m1, fma(re_2_m2, re_2_m1, -t37))))))) + t30;
-        let t108 = fma(-im_0_1, im_1_2, fma(re_0_1, re_1_2, fma(re_0_1, re_1_m1, fma(im_1_m1, im_2_2, fma(re_1_m1, re_2_2, fma(im_1_2, im_2_0, fma(re_1_2, re_2_0, fma(re_2_0, re_2_2, -t104))))))));
-        let t109 = fma(self.c15, t108 + t26, fma(self.c14, t107 - t43, fma(re_2_1, t5, fma(-im_2_1, im_2_1, fma(re_2_1, re_2_1, t10)))));
-        let t110 = fma(re_0_2, re_1_m1, fma(re_0_2, re_1_m2, fma(im_1_m2, im_2_m1, fma(re_1_m2, re_2_m1, fma(im_1_m1, im_2_0, fma(re_1_m1, re_2_0, fma(-im_2_m1, im_2_0, fma(re_2_m1, re_2_0, t24))))))));
-        let t111 = im_1_0 * im_2_1;
-        let t112 = fma(re_0_1, re_1_0, fma(im_0_1, im_1_2, fma(re_0_1, re_1_2, fma(re_1_0, re_2_1, fma(im_1_2, im_2_m2, fma(re_1_2, re_2_m2, fma(-im_2_m2, im_2_1, fma(re_2_m2, re_2_1, t111))))))));
-        let t113 = fma(self.c15, fma(-im_0_1, im_1_0, t112), fma(self.c14, fma(-im_0_2, im_1_m1, t110), fma(re_2_2, re_2_2 + t6, fma(-im_2_2, im_2_2, t16))));
-        let t114 = im_0_1 * im_2_m1;
-        let t115 = fma(re_1_m2, re_1_0, fma(-im_0_1, im_2_2, fma(re_0_1, re_2_2, fma(re_0_1, re_2_m1, fma(-im_1_m2, im_2_m1, fma(re_1_m2, re_2_m1, fma(-im_1_0, im_2_2, fma(re_1_0, re_2_2, t114))))))));
-        let t116 = im_0_2 * im_2_1;
-        let t117 = fma(re_1_1, re_1_2, fma(re_0_2, re_2_1, fma(im_0_2, im_2_0, fma(re_0_2, re_2_0, fma(-im_1_2, im_2_0, fma(re_1_2, re_2_0, fma(-im_1_1, im_2_1, fma(re_1_1, re_2_1, -t116))))))));
-        let t118 = fma(self.c15, fma(-im_1_1, im_1_2, t117), fma(self.c14, fma(-im_1_m2, im_1_0, t115), fma(-im_1_m1, im_1_m1 + t42, fma(re_1_m1, re_1_m1, t41))));
-        let t119 = fma(-im_0_1, im_2_m2, fma(re_0_1, re_2_m2, fma(im_0_1, im_2_0, fma(re_0_1, re_2_0, fma(-im_1_m2, im_2_m2, fma(re_1_m2, re_2_m2, fma(-im_1_1, im_2_0, fma(re_1_1, re_2_0, -t102))))))));
-        let t120 = im_0_2 * im_2_2;
-        let t121 = fma(-im_1_m1, im_1_0, fma(re_1_m1, re_1_0, fma(re_0_2, re_2_2, fma(re_0_2, re_2_1, fma(re_1_0, re_2_1, fma(-im_1_m1, im_2_2, fma(re_1_m1, re_2_2, -t111))))))) + t116;
-        let t122 = fma(self.c15, t121 - t120, fma(self.c14, fma(re_1_m2, re_1_1, t119), fma(re_1_2, re_1_2 + t8, fma(-im_1_2, im_1_2, -t29))));
-        let t123 = fma(re_1_m1, re_1_1, fma(re_0_1, re_2_m1, fma(im_0_1, im_2_1, fma(re_0_1, re_2_1, fma(-im_1_1, im_2_m1, fma(re_1_1, re_2_m1, fma(-im_1_m1, im_2_1, fma(re_1_m1, re_2_1, -t114))))))));
-        let t124 = fma(re_1_m2, re_1_2, fma(-im_0_2, im_2_m2, fma(re_0_2, re_2_m2, fma(re_0_2, re_2_2, fma(-im_1_2, im_2_m2, fma(re_1_2, re_2_m2, fma(-im_1_m2, im_2_2, fma(re_1_m2, re_2_2, t120))))))));
-        let t125 = fma(self.c15, fma(-im_1_m2, im_1_2, t124), fma(self.c14, fma(-im_1_m1, im_1_1, t123), fma(-im_1_0, im_1_0 + t23, fma(re_1_0, re_1_0, t22))));
-        let t126 = fma(-re_1_0, im_1_2, fma(-im_0_1, re_2_1, fma(-re_0_1, im_2_1, fma(im_0_1, re_2_m2, fma(-re_0_1, im_2_m2, fma(im_1_0, re_2_m2, fma(re_1_0, im_2_m2, fma(re_1_2, im_2_1, t95))))))));
-        let t127 = fma(-re_1_m1, im_2_m1, fma(-im_1_m2, re_2_0, fma(-re_1_m2, im_2_0, fma(re_1_m2, im_1_m1, fma(im_0_2, re_2_0, fma(re_0_2, im_2_0, fma(-im_0_2, re_2_m1, fma(re_0_2, im_2_m1, t49))))))));
-        let t128 = fma(-self.c16, fma(-im_1_m1, re_2_m1, t127), fma(self.c17, fma(-im_1_0, re_1_2, t126), fma(-im_1_1, t65, re_1_1 * im_2_2)));
-        let t129 = R::from_f64(4.0) * t128;
-        let t130 = fma(t100, t100, fma(t58, t58, fma(t98, t98, fma(t64, t64, fma(t69, t69, fma(t75, t75, fma(t94, t94, fma(t89, t89, fma(t79, t79, fma(t128, t128, t84 * t84))))))))));
-        let t131 = fma(t106, t106, fma(t109, t109, fma(t46, t46, fma(t28, t28, fma(t113, t113, fma(t34, t34, fma(t118, t118, fma(t122, t122, fma(t125, t125, fma(t21, t21, t15 * t15))))))))));
-        let t132 = fma(re_2_m2, re_2_m2, fma(re_2_0, re_2_0, fma(re_1_m2, re_1_m2, fma(re_2_m1, re_2_m1, fma(re_1_1, re_1_1, fma(re_0_2, re_0_2, t3))))));
-        let t133 = t40 - t106;
-        let t134 = R::from_f64(2.0) * t94;
-        let t135 = R::from_f64(2.0) * t128;
-        let t136 = R::from_f64(2.0) * t84;
-        let t137 = R::from_f64(2.0) * t79;
-        let t138 = R::from_f64(2.0) * t89;
-        let t139 = im_2_2 * t15;
-        let t140 = fma(-im_2_0, t122, fma(-im_2_m1, t118, fma(-im_2_m2, t21, fma(im_2_m2, t122, fma(im_2_m1, t125, fma(im_2_0, t15, fma(im_2_1, t21, fma(im_2_2, t118, -t139))))))));
-        let t141 = fma(-re_2_m1, t134, fma(-re_2_m2, t135, fma(re_2_m2, t138, fma(re_2_m1, t137, fma(re_2_0, t136, fma(re_2_1, t135, fma(re_2_2, t134, fma(-im_2_1, t125, t140))))))));
-        let t142 = R::from_f64(2.0) * t75;
-        let t143 = R::from_f64(2.0) * t64;
-        let t144 = R::from_f64(2.0) * t98;
-        let t145 = R::from_f64(2.0) * t58;
-        let t146 = R::from_f64(2.0) * t69;
-        let t147 = im_1_0 * t113;
-        let t148 = fma(-im_1_2, t109, fma(im_1_2, t113, fma(im_1_1, t28, fma(im_1_0, t46, fma(im_1_m1, t109, fma(im_1_m2, t34, fma(-im_1_m2, t46, fma(-im_1_m1, t28, fma(-im_1_1, t34, -t147)))))))));
-        let t149 = fma(re_1_2, t146, fma(-re_1_1, t143, fma(-re_1_0, t144, fma(re_1_m1, t145, fma(-re_1_m2, t142, fma(re_1_m2, t144, fma(re_1_m1, t143, fma(re_1_1, t142, t148))))))));
-        let t150 = R::from_f64(2.0) * t132;
-        let t151 = R::from_f64(2.0) * t53;
-        let t152 = R::from_f64(2.0) * t100;
-        let t153 = fma(self.c16, fma(-re_1_0, t146, fma(-re_1_2, t145, t149)), fma(-self.c17, fma(-re_2_2, t136, fma(-re_2_1, t137, fma(-re_2_0, t138, t141))), fma(-im_0_1, t106 - t150, fma(-t48, t152, fma(-re_0_2, t151, im_0_2 * t133)))));
-        let t154 = t109 - t15;
-        let t155 = im_2_m1 * t113;
-        let t156 = fma(-im_1_1, t106, fma(-im_1_0, t106, fma(-im_0_2, t113, fma(im_0_2, t28, fma(im_2_m2, t122, fma(im_1_0, t118, fma(im_1_1, t122, fma(im_2_m1, t118, -t155))))))));
-        let t157 = fma(-re_1_0, t152, fma(re_0_2, t146, fma(-re_0_2, t143, fma(-re_2_m2, t138, fma(re_1_0, t134, fma(re_1_1, t138, fma(-re_2_m1, t134, fma(-im_2_m2, t28, t156))))))));
-        let t158 = im_1_m1 * t21;
-        let t159 = fma(-im_1_2, t125, fma(-im_2_2, t125, fma(im_2_2, t46, fma(im_2_0, t34, fma(im_1_2, t40, fma(im_1_m1, t40, fma(im_0_1, t34, fma(-im_0_1, t46, fma(-im_2_0, t21, -t158)))))))));
-        let t160 = fma(-re_1_2, t137, fma(re_2_2, t137, fma(-re_2_2, t144, fma(-re_2_0, t142, fma(re_1_2, t151, fma(-re_1_m1, t151, fma(re_0_1, t142, fma(re_0_1, t144, fma(re_2_0, t135, t159)))))))));
-        let t161 = fma(self.c16, fma(-re_1_m1, t135, t160), fma(-self.c17, fma(-re_2_m1, t146, fma(re_2_m2, t143, fma(re_1_1, t152, t157))), fma(-im_1_m2, t15 - t150, fma(-t54, t136, fma(im_2_1, t154, re_2_1 * t145)))));
-        let t162 = t28 - t125;
-        let t163 = re_2_2 * t142;
-        let t164 = fma(-im_2_m2, t109, fma(-im_1_2, t106, fma(-im_1_m2, t106, fma(-im_0_2, t109, fma(im_2_2, t118, fma(im_0_2, t34, fma(im_1_m2, t118, fma(im_1_2, t21, fma(im_2_m2, t21, t163)))))))));
-        let t165 = fma(re_1_m2, t152, fma(re_0_2, t145, fma(-re_2_2, t134, fma(-re_0_2, t142, fma(re_1_m2, t134, fma(re_1_2, t135, fma(-re_2_m2, t135, fma(-im_2_2, t34, t164))))))));
-        let t166 = im_0_1 * t113;
-        let t167 = fma(-im_1_m1, t122, fma(-im_1_1, t15, fma(-im_2_1, t122, fma(im_2_1, t113, fma(im_2_m1, t46, fma(im_1_1, t40, fma(im_1_m1, t40, fma(im_0_1, t46, fma(-im_2_m1, t15, -t166)))))))));
-        let t168 = fma(-re_1_1, t136, fma(re_2_1, t138, fma(re_2_1, t146, fma(-re_2_m1, t144, fma(-re_1_1, t151, fma(re_1_m1, t151, fma(re_0_1, t144, fma(re_2_m1, t136, t167))))))));
-        let t169 = fma(-self.c17, fma(-re_2_m2, t145, fma(-re_1_2, t152, t165)), fma(self.c16, fma(-re_0_1, t146, fma(-re_1_m1, t138, t168)), fma(-im_1_0, t125 - t150, fma(-t59, t137, fma(-re_2_0, t143, im_2_0 * t162)))));
-        let t170 = t113 - t21;
-        let t171 = re_2_0 * t144;
-        let t172 = fma(-im_1_m1, t106, fma(-im_1_m2, t106, fma(-im_0_2, t46, fma(im_2_m1, t125, fma(im_0_2, t109, fma(im_1_m2, t122, fma(im_1_m1, t125, fma(im_2_0, t122, t171))))))));
-        let t173 = fma(-re_0_2, t144, fma(-re_2_m1, t137, fma(re_0_2, t145, fma(re_1_m2, t138, fma(re_1_m1, t137, fma(-re_2_0, t138, fma(-im_2_0, t46, fma(-im_2_m1, t109, t172))))))));
-        let t174 = im_1_0 * t15;
-        let t175 = fma(-im_0_1, t34, fma(-im_1_2, t118, fma(-im_2_m2, t15, fma(im_2_1, t28, fma(im_2_m2, t34, fma(im_1_2, t40, fma(im_1_0, t40, fma(im_0_1, t28, fma(-im_2_1, t118, -t174)))))))));
-        let t176 = fma(-re_1_2, t134, fma(re_2_m2, t136, fma(-re_2_1, t143, fma(-re_2_m2, t142, fma(-re_1_2, t151, fma(re_1_0, t151, fma(re_0_1, t143, fma(re_2_1, t134, t175))))))));
-        let t177 = fma(-self.c17, fma(-re_2_m1, t145, fma(re_1_m1, t152, fma(-re_1_m2, t152, t173))), fma(self.c16, fma(re_0_1, t142, fma(-re_1_0, t136, t176)), fma(-im_1_1, t21 - t150, fma(-t65, t135, fma(im_2_2, t170, re_2_2 * t146)))));
-        let t178 = t34 - t122;
-        let t179 = fma(-im_2_2, t28, fma(-im_2_1, t46, fma(-im_1_0, t106, fma(-im_1_m1, t106, fma(-im_0_2, t28, fma(im_2_1, t21, fma(im_0_2, t46, fma(im_1_m1, t15, fma(im_1_0, t21, t139)))))))));
-        let t180 = fma(re_1_0, t152, fma(-re_1_m1, t152, fma(-re_0_2, t143, fma(-re_2_1, t135, fma(-re_0_2, t144, fma(re_1_m1, t136, fma(re_1_0, t135, fma(-re_2_2, t136, t179))))))));
-        let t181 = fma(-im_1_m2, t125, fma(-im_1_1, t118, fma(-im_2_0, t118, fma(im_2_0, t109, fma(im_2_m2, t113, fma(im_1_1, t40, fma(im_1_m2, t40, fma(-im_2_m2, t125, t166))))))));
-        let t182 = fma(-re_1_1, t134, fma(re_2_0, t134, fma(re_2_0, t145, fma(re_2_m2, t146, fma(re_1_1, t151, fma(-re_1_m2, t151, fma(re_2_m2, t137, fma(-im_0_1, t109, t181))))))));
-        let t183 = fma(self.c16, fma(-re_0_1, t146, fma(-re_0_1, t145, fma(-re_1_m2, t137, t182))), fma(-self.c17, fma(re_2_2, t143, fma(re_2_1, t144, t180)), fma(-im_1_2, t122 - t150, fma(-t70, t138, fma(-re_2_m1, t142, im_2_m1 * t178)))));
-        let t184 = fma(-im_2_0, t40, fma(-im_1_2, t46, fma(-im_1_m1, t34, fma(im_1_m1, t125, fma(im_1_2, t21, fma(-im_0_1, t125, fma(im_0_1, t21, fma(im_2_0, t46, fma(im_2_2, t34, t163)))))))));
-        let t185 = fma(-re_2_0, t151, fma(-re_1_2, t144, fma(-re_1_m1, t142, fma(-re_1_m1, t137, fma(-re_1_2, t135, fma(re_0_1, t137, fma(re_0_1, t135, fma(-im_2_2, t40, t184))))))));
-        let t186 = fma(-im_2_m2, t113, fma(-im_2_m1, t28, fma(im_2_m1, t106, fma(im_2_m2, t106, fma(im_1_1, t28, fma(im_0_2, t122, fma(-im_1_0, t122, fma(-im_1_1, t118, t147))))))));
-        let t187 = fma(-re_2_m1, t143, fma(-re_2_m1, t152, fma(re_2_m2, t152, fma(re_1_1, t143, fma(-re_0_2, t138, fma(re_1_0, t138, fma(re_1_1, t134, fma(-im_0_2, t118, t186))))))));
-        let t188 = fma(-self.c17, fma(re_2_2, t151, t185) + t171, fma(self.c16, fma(-re_1_0, t146, fma(-re_0_2, t134, fma(re_2_m2, t146, t187))), fma(-im_2_1, t109 - t150, fma(-t54, t145, fma(im_1_m2, t154, re_1_m2 * t136)))));
-        let t189 = fma(im_1_0, t143, fma(im_1_m1, t144, fma(im_0_1, t151, fma(re_2_0, t125, fma(re_2_m1, t122, fma(re_2_m2, t118, fma(re_1_1, t113, fma(re_1_m2, t109, fma(re_0_2, t106, t47)))))))));
-        let t190 = fma(-im_2_1, t136, fma(-im_2_0, t137, fma(-im_2_m1, t138, fma(-im_2_m2, t134, fma(-im_1_1, t146, fma(-im_1_m2, t145, fma(-im_0_2, t152, fma(im_1_2, t142, t189))))))));
-        let t191 = fma(-im_2_1, t40, fma(-im_2_m1, t40, fma(-im_1_1, t46, fma(im_1_m1, t15, fma(im_1_1, t122, fma(-im_1_m1, t113, fma(-im_0_1, t122, fma(im_0_1, t15, fma(im_2_1, t46, t155)))))))));
-        let t192 = fma(-re_1_1, t144, fma(-re_1_m1, t136, fma(-re_1_1, t138, fma(re_1_m1, t146, fma(re_0_1, t138, fma(re_0_1, t136, fma(-re_2_m1, t146, fma(re_2_1, t144, t191))))))));
-        let t193 = im_0_2 * t21;
-        let t194 = fma(-im_2_m2, t34, fma(-im_2_2, t109, fma(im_2_2, t106, fma(im_2_m2, t106, fma(im_1_m2, t34, fma(im_0_2, t118, fma(-im_1_m2, t21, fma(-im_1_2, t118, -t193))))))));
-        let t195 = fma(re_2_2, t145, fma(re_2_2, t152, fma(-re_2_m2, t152, fma(re_1_m2, t142, fma(-re_0_2, t134, fma(re_1_m2, t135, fma(re_1_2, t134, fma(im_1_2, t109, t194))))))));
-        let t196 = fma(self.c16, fma(-re_1_2, t145, fma(-re_0_2, t135, fma(-re_2_m2, t142, t195))), fma(-self.c17, fma(re_2_1, t151, fma(-re_2_m1, t151, t192)), fma(-im_2_0, t28 - t150, fma(t59, t143, fma(im_1_0, t162, re_1_0 * t137)))));
-        let t197 = im_2_m2 * t40;
-        let t198 = fma(-im_1_m2, t113, fma(-im_0_1, t118, fma(im_1_m2, t118, fma(im_1_1, t125, fma(-im_1_1, t109, fma(im_0_1, t125, fma(im_2_m2, t109, fma(im_2_0, t113, -t197))))))));
-        let t199 = fma(re_0_1, t134, fma(-re_1_m2, t134, fma(-re_1_1, t137, fma(re_1_1, t145, fma(re_0_1, t137, fma(-re_2_m2, t145, fma(-re_2_0, t146, fma(-im_2_0, t40, t198))))))));
-        let t200 = fma(re_1_m1, t135, fma(re_1_0, t136, fma(-im_0_2, t15, fma(-im_2_1, t28, fma(-im_2_2, t46, fma(im_2_2, t106, fma(im_2_1, t106, fma(im_1_0, t46, fma(im_1_m1, t28, -t174)))))))));
-        let t201 = fma(-re_0_2, t136, fma(-re_2_1, t143, fma(-re_2_2, t144, fma(-re_2_2, t152, fma(re_2_1, t152, fma(re_1_0, t144, fma(re_1_m1, t143, fma(-re_0_2, t135, t200 - t158 + t193))))))));
-        let t202 = fma(self.c16, t201, fma(-self.c17, fma(re_2_0, t151, fma(-re_2_m2, t151, fma(re_1_m2, t146, t199))), fma(-im_2_m1, t34 - t150, fma(t70, t142, fma(im_1_2, t178, re_1_2 * t138)))));
-        let t203 = t46 - t118;
-        let t204 = re_1_0 * t145;
-        let t205 = fma(-im_2_m1, t40, fma(-im_1_0, t109, fma(-im_1_m2, t28, fma(-im_0_1, t21, fma(im_1_m2, t122, fma(im_1_0, t21, fma(im_0_1, t122, fma(im_2_m1, t109, fma(im_2_2, t28, t204)))))))));
-        let t206 = fma(-re_1_m2, t143, fma(re_0_1, t135, fma(-re_1_m2, t138, fma(-re_1_0, t135, fma(re_0_1, t138, fma(-re_2_m1, t145, fma(re_2_2, t143, fma(-im_2_2, t40, t205))))))));
-        let t207 = im_0_2 * t125;
-        let t208 = fma(-im_2_0, t34, fma(-im_2_1, t113, fma(im_2_1, t106, fma(im_2_0, t106, fma(im_1_2, t113, fma(im_1_1, t34, fma(im_0_2, t15, fma(-im_1_1, t15, fma(-im_1_2, t125, -t207)))))))));
-        let t209 = fma(-re_2_0, t142, fma(re_2_1, t146, fma(-re_2_1, t152, fma(re_2_0, t152, fma(-re_1_2, t146, fma(re_1_1, t142, fma(-re_0_2, t136, fma(re_1_1, t136, fma(re_1_2, t137, t208)))))))));
-        let t210 = fma(-self.c17, fma(-re_2_2, t151, fma(re_2_m1, t151, t206)), fma(self.c16, fma(-re_0_2, t137, t209), fma(-im_2_m2, t46 - t150, fma(t90, t144, fma(im_1_m1, t203, re_1_m1 * t134)))));
-        let t211 = re_2_1 * t142;
-        let t212 = fma(-im_2_0, t113, fma(-im_1_2, t106, fma(-im_1_1, t106, fma(-im_0_2, t34, fma(im_2_0, t15, fma(im_0_2, t113, fma(im_1_1, t125, fma(im_1_2, t15, fma(im_2_1, t125, t211)))))))));
-        let t213 = fma(re_1_2, t152, fma(-re_1_1, t152, fma(-re_0_2, t142, fma(-re_2_0, t136, fma(re_0_2, t146, fma(re_1_1, t137, fma(re_1_2, t136, fma(-re_2_1, t137, fma(-im_2_1, t34, t212)))))))));
-        let t214 = re_2_m1 * t135;
-        let t215 = fma(-im_1_0, t122, fma(-im_2_m1, t21, fma(im_2_2, t109, fma(im_2_m1, t28, fma(im_1_0, t40, fma(im_1_m2, t40, fma(im_0_1, t109, fma(-im_0_1, t28, fma(-im_2_2, t122, t214)))))))));
-        let t216 = fma(re_2_2, t145, fma(-re_2_m1, t143, fma(-re_1_0, t151, fma(re_1_m2, t151, fma(-re_0_1, t145, fma(re_0_1, t143, fma(re_2_2, t138, fma(-im_1_m2, t21, t215))))))));
-        let t217 = fma(self.c16, fma(-re_1_m2, t135, fma(-re_1_0, t138, t216)), fma(-self.c17, fma(-re_2_0, t146, t213), fma(-im_1_m1, t118 - t150, fma(-t90, t134, fma(-re_2_m2, t144, im_2_m2 * t203)))));
-        let t218 = fma(-im_1_1, t46, fma(-im_1_0, t109, fma(-im_1_m1, t34, fma(-im_1_m2, t113, fma(im_1_m2, t28, fma(im_1_0, t34, fma(im_1_2, t46, fma(im_1_m1, t113, fma(im_1_1, t109, -t204)))))))));
-        let t219 = fma(re_1_m1, t142, fma(-re_1_m2, t146, fma(-re_1_m2, t143, fma(-re_1_0, t142, fma(-re_1_2, t144, fma(re_1_m1, t146, fma(re_1_1, t145, fma(-im_1_2, t28, t218))))))));
-        let t220 = fma(-im_2_m1, t15, fma(-im_2_0, t21, fma(-im_2_1, t118, fma(-im_2_2, t122, fma(im_2_2, t125, fma(im_2_1, t122, fma(im_2_0, t118, fma(im_2_m1, t21, fma(im_2_m2, t15, t214)))))))));
-        let t221 = fma(-re_2_0, t135, fma(-re_2_1, t134, fma(-re_2_2, t138, fma(re_2_2, t137, fma(re_2_1, t138, fma(re_2_0, t134, fma(re_2_m2, t136, fma(-im_2_m2, t125, t220))))))));
-        let t222 = fma(self.c16, fma(-re_2_m2, t137, fma(-re_2_m1, t136, t221)), fma(-self.c17, fma(re_1_2, t143, fma(re_1_1, t144, t219)), fma(-im_0_2, t40 - t150, fma(t48, t151, fma(im_0_1, t133, re_0_1 * t152)))));
-        let t223 = fma(-t100, t222, fma(t98, t217, fma(-t94, t210, fma(-t89, t202, fma(-t79, t196, fma(-t84, t188, fma(t75, t183, fma(-t69, t177, fma(t64, t169, fma(-t58, t161, t53 * t153))))))))));
-        let t224 = fma(im_2_1, t145, im_1_m2 * t136);
-        let t225 = t109 + t15;
-        let t226 = re_2_m1 * t106;
-        let t227 = fma(re_2_m2, t106, fma(re_1_1, t28, fma(re_1_0, t113, fma(re_0_2, t122, fma(re_0_2, t118, fma(re_1_0, t122, fma(re_1_1, t118, fma(re_2_m2, t113, fma(re_2_m1, t28, t226)))))))));
-        let t228 = fma(-im_1_1, t143, fma(im_1_0, t146, fma(im_0_2, t138, fma(-im_0_2, t134, fma(im_1_0, t138, fma(im_1_1, t134, fma(im_2_m2, t146, fma(-im_2_m1, t143, t227))))))));
-        let t229 = re_2_2 * t40;
-        let t230 = fma(re_2_0, t40, fma(re_1_2, t46, fma(re_1_m1, t34, fma(re_0_1, t125, fma(re_0_1, t21, fma(re_1_m1, t125, fma(re_1_2, t21, fma(re_2_0, t46, fma(re_2_2, t34, t229)))))))));
-        let t231 = fma(-im_1_2, t144, fma(-im_1_m1, t142, fma(im_0_1, t137, fma(-im_0_1, t135, fma(im_1_m1, t137, fma(im_1_2, t135, fma(-im_2_0, t144, fma(-im_2_2, t142, t230))))))));
-        let t232 = fma(self.c17, fma(im_2_2, t151, fma(-im_2_0, t151, t231)), fma(self.c16, fma(im_2_m1, t152, fma(-im_2_m2, t152, t228)), fma(re_2_1, t109 + t150, fma(re_1_m2, t225, fma(im_1_m2, t145, t224)))));
-        let t233 = fma(im_2_2, t146, im_1_1 * t135);
-        let t234 = t113 + t21;
-        let t235 = fma(re_2_0, t106, fma(re_1_m1, t109, fma(re_1_m2, t46, fma(re_0_2, t125, fma(re_0_2, t122, fma(re_1_m2, t125, fma(re_1_m1, t122, fma(re_2_m1, t46, fma(re_2_0, t109, t226)))))))));
-        let t236 = fma(im_1_m1, t145, fma(-im_1_m2, t144, fma(im_0_2, t137, fma(-im_0_2, t138, fma(im_1_m2, t137, fma(im_1_m1, t138, fma(-im_2_m1, t144, fma(im_2_0, t145, t235))))))));
-        let t237 = im_2_1 * t151;
-        let t238 = fma(re_2_m2, t40, fma(re_1_2, t28, fma(re_1_0, t34, fma(re_0_1, t15, fma(re_0_1, t118, fma(re_1_0, t118, fma(re_1_2, t15, fma(re_2_m2, t28, fma(re_2_1, t34, -t237)))))))));
-        let t239 = fma(-im_1_2, t143, fma(-im_1_0, t142, fma(im_0_1, t136, fma(-im_0_1, t134, fma(im_1_0, t134, fma(im_1_2, t136, fma(-im_2_m2, t143, fma(-im_2_1, t142, fma(re_2_1, t40, t238)))))))));
-        let t240 = fma(self.c17, fma(im_2_m2, t151, t239), fma(self.c16, fma(im_2_0, t152, fma(-im_2_m1, t152, t236)), fma(re_2_2, t113 + t150, fma(re_1_1, t234, fma(im_1_1, t146, t233)))));
-        let t241 = fma(-im_2_0, t143, im_1_0 * t137);
-        let t242 = t125 + t28;
-        let t243 = im_2_2 * t152;
-        let t244 = fma(re_2_m2, t106, fma(re_1_2, t109, fma(re_1_m2, t34, fma(re_0_2, t118, fma(re_0_2, t21, fma(re_1_m2, t21, fma(re_1_2, t118, fma(re_2_m2, t34, fma(re_2_2, t109, -t243)))))))));
-        let t245 = fma(-im_1_m2, t142, fma(im_0_2, t134, fma(-im_0_2, t135, fma(im_1_m2, t135, fma(im_1_2, t134, fma(-im_2_m2, t142, fma(im_2_2, t145, fma(re_2_2, t106, t244))))))));
-        let t246 = fma(re_2_m1, t40, fma(re_1_1, t46, fma(re_1_m1, t113, fma(re_0_1, t122, fma(re_0_1, t15, fma(re_1_m1, t15, fma(re_1_1, t122, fma(re_2_m1, t113, fma(re_2_1, t46, t237)))))))));
-        let t247 = fma(-im_1_1, t144, fma(im_1_m1, t146, fma(im_0_1, t138, fma(-im_0_1, t136, fma(im_1_m1, t136, fma(im_1_1, t138, fma(im_2_m1, t146, fma(-im_2_1, t144, fma(re_2_1, t40, t246)))))))));
-        let t248 = fma(self.c17, fma(-im_2_m1, t151, t247), fma(self.c16, fma(im_2_m2, t152, fma(im_1_2, t145, t245)), fma(re_2_0, t28 + t150, fma(re_1_0, t242, fma(-im_1_0, t143, t241)))));
-        let t249 = fma(-im_2_m1, t142, im_1_2 * t138);
-        let t250 = t122 + t34;
-        let t251 = fma(re_2_1, t106, fma(re_1_0, t46, fma(re_1_m1, t28, fma(re_0_2, t21, fma(re_0_2, t15, fma(re_1_m1, t21, fma(re_1_0, t15, fma(re_2_1, t28, fma(re_2_2, t46, t243)))))))));
-        let t252 = fma(-im_1_m1, t143, fma(im_0_2, t135, fma(-im_0_2, t136, fma(im_1_m1, t135, fma(im_1_0, t136, fma(-im_2_1, t143, fma(-im_2_2, t144, fma(re_2_2, t106, t251))))))));
-        let t253 = re_1_1 * t109;
-        let t254 = fma(re_2_0, t40, fma(re_2_m2, t40, fma(re_1_m2, t113, fma(re_0_1, t118, fma(re_0_1, t125, fma(re_1_m2, t118, fma(re_1_1, t125, fma(re_2_m2, t109, fma(re_2_0, t113, t253)))))))));
-        let t255 = fma(-im_2_m2, t151, fma(im_1_1, t145, fma(im_1_m2, t146, fma(im_0_1, t134, fma(-im_0_1, t137, fma(im_1_m2, t134, fma(im_1_1, t137, fma(im_2_m2, t145, fma(im_2_0, t146, t254)))))))));
-        let t256 = fma(self.c16, fma(-im_2_1, t152, fma(-im_1_0, t144, t252)), fma(self.c17, fma(im_2_0, t151, t255), fma(re_2_m1, t34 + t150, fma(re_1_2, t250, fma(-im_1_2, t142, t249)))));
-        let t257 = fma(-im_2_m2, t144, im_1_m1 * t134);
-        let t258 = t118 + t46;
-        let t259 = re_1_2 * t113;
-        let t260 = fma(re_2_1, t106, fma(re_2_0, t106, fma(re_1_1, t34, fma(re_0_2, t15, fma(re_0_2, t125, fma(re_1_1, t15, fma(re_1_2, t125, fma(re_2_0, t34, fma(re_2_1, t113, t259)))))))));
-        let t261 = fma(-im_2_0, t152, fma(im_1_2, t146, fma(-im_1_1, t142, fma(im_0_2, t136, fma(-im_0_2, t137, fma(im_1_1, t136, fma(im_1_2, t137, fma(-im_2_0, t142, fma(im_2_1, t146, t260)))))))));
-        let t262 = fma(re_2_m1, t40, fma(re_1_0, t109, fma(re_1_m2, t28, fma(re_0_1, t21, fma(re_0_1, t122, fma(re_1_m2, t122, fma(re_1_0, t21, fma(re_2_m1, t109, fma(re_2_2, t28, t229)))))))));
-        let t263 = fma(im_1_0, t145, fma(-im_1_m2, t143, fma(im_0_1, t135, fma(-im_0_1, t138, fma(im_1_m2, t138, fma(im_1_0, t135, fma(im_2_m1, t145, fma(-im_2_2, t143, t262))))))));
-        let t264 = fma(self.c17, fma(-im_2_2, t151, fma(im_2_m1, t151, t263)), fma(self.c16, fma(im_2_1, t152, t261), fma(re_2_m2, t46 + t150, fma(re_1_m1, t258, fma(-im_1_m1, t144, t257)))));
-        let t265 = im_1_1 * t151;
-        let t266 = fma(re_2_m2, t113, fma(re_1_1, t40, fma(re_1_m2, t40, fma(re_0_1, t113, fma(re_0_1, t109, fma(re_1_m2, t125, fma(re_1_1, t118, fma(re_2_m2, t125, fma(re_2_0, t118, -t265)))))))));
-        let t267 = fma(im_1_m2, t151, fma(im_0_1, t146, fma(-im_0_1, t145, fma(-im_1_m2, t137, fma(-im_1_1, t134, fma(im_2_m2, t137, fma(im_2_0, t134, fma(re_2_0, t109, t266))))))));
-        let t268 = re_1_0 * t106;
-        let t269 = fma(re_2_2, t28, fma(re_2_1, t46, fma(re_1_m1, t106, fma(re_0_2, t28, fma(re_0_2, t46, fma(re_1_m1, t15, fma(re_1_0, t21, fma(re_2_1, t21, fma(re_2_2, t15, t268)))))))));
-        let t270 = fma(im_1_0, t152, fma(-im_1_m1, t152, fma(-im_0_2, t143, fma(im_0_2, t144, fma(-im_1_m1, t136, fma(-im_1_0, t135, fma(im_2_1, t135, fma(im_2_2, t136, t269))))))));
-        let t271 = fma(self.c16, fma(-im_2_0, t145, fma(-im_2_m2, t146, t267)), fma(self.c17, fma(im_2_2, t143, fma(im_2_1, t144, t270)), fma(re_1_2, t122 + t150, fma(re_2_m1, t250, fma(im_2_m1, t138, -t249)))));
-        let t272 = re_1_2 * t40;
-        let t273 = fma(re_2_1, t28, fma(re_2_m2, t34, fma(re_1_0, t40, fma(re_0_1, t28, fma(re_0_1, t34, fma(re_1_0, t15, fma(re_1_2, t118, fma(re_2_m2, t15, fma(re_2_1, t118, t272)))))))));
-        let t274 = fma(im_1_2, t151, fma(-im_1_0, t151, fma(-im_0_1, t143, fma(im_0_1, t142, fma(-im_1_0, t136, fma(-im_1_2, t134, fma(im_2_m2, t136, fma(im_2_1, t134, t273))))))));
-        let t275 = im_1_m2 * t152;
-        let t276 = fma(re_1_m1, t106, fma(re_1_m2, t106, fma(re_0_2, t46, fma(re_0_2, t109, fma(re_1_m2, t122, fma(re_1_m1, t125, fma(re_2_m1, t125, fma(re_2_0, t122, -t275))))))));
-        let t277 = fma(-im_0_2, t144, fma(-im_0_2, t145, fma(-im_1_m2, t138, fma(-im_1_m1, t137, fma(im_2_m1, t137, fma(im_2_0, t138, fma(re_2_0, t46, fma(re_2_m1, t109, t276))))))));
-        let t278 = fma(self.c17, fma(im_2_0, t144, fma(-im_2_m1, t145, fma(im_1_m1, t152, t277))), fma(self.c16, fma(im_2_1, t143, fma(im_2_m2, t142, t274)), fma(re_1_1, t21 + t150, fma(re_2_2, t234, fma(im_2_2, t135, -t233)))));
-        let t279 = fma(re_2_m1, t46, fma(re_1_1, t40, fma(re_1_m1, t40, fma(re_0_1, t46, fma(re_0_1, t113, fma(re_1_m1, t122, fma(re_1_1, t15, fma(re_2_m1, t15, fma(re_2_1, t122, t265)))))))));
-        let t280 = fma(-im_1_m1, t151, fma(-im_0_1, t144, fma(-im_0_1, t146, fma(-im_1_m1, t138, fma(-im_1_1, t136, fma(im_2_m1, t136, fma(im_2_1, t138, fma(re_2_1, t113, t279))))))));
-        let t281 = fma(re_2_m2, t109, fma(re_1_2, t106, fma(re_1_m2, t106, fma(re_0_2, t109, fma(re_0_2, t34, fma(re_1_m2, t118, fma(re_1_2, t21, fma(re_2_m2, t21, fma(re_2_2, t118, t275)))))))));
-        let t282 = fma(-im_2_m2, t145, fma(-im_1_2, t152, fma(im_0_2, t145, fma(im_0_2, t142, fma(-im_1_m2, t134, fma(-im_1_2, t135, fma(im_2_m2, t135, fma(im_2_2, t134, fma(re_2_2, t34, t281)))))))));
-        let t283 = fma(self.c17, fma(im_2_2, t142, t282), fma(self.c16, fma(-im_2_1, t146, fma(im_2_m1, t144, t280)), fma(re_1_0, t125 + t150, fma(re_2_0, t242, fma(im_2_0, t137, -t241)))));
-        let t284 = fma(re_2_2, t122, re_2_m1 * t21);
-        let t285 = fma(im_2_2, t138, fma(re_2_2, t109, fma(re_2_m1, t28, fma(re_1_0, t40, fma(re_1_m2, t40, fma(re_0_1, t109, fma(re_0_1, t28, fma(re_1_m2, t21, fma(re_1_0, t122, t284)))))))));
-        let t286 = fma(im_2_m1, t143, fma(im_1_0, t151, fma(-im_1_m2, t151, fma(im_0_1, t145, fma(im_0_1, t143, fma(-im_1_m2, t135, fma(-im_1_0, t138, fma(im_2_m1, t135, t285))))))));
-        let t287 = im_1_1 * t152;
-        let t288 = fma(re_2_0, t113, fma(re_1_2, t106, fma(re_1_1, t106, fma(re_0_2, t34, fma(re_0_2, t113, fma(re_1_1, t125, fma(re_1_2, t15, fma(re_2_0, t15, fma(re_2_1, t125, -t287)))))))));
-        let t289 = fma(-im_2_0, t146, fma(im_1_2, t152, fma(-im_0_2, t142, fma(-im_0_2, t146, fma(-im_1_1, t137, fma(-im_1_2, t136, fma(im_2_0, t136, fma(im_2_1, t137, fma(re_2_1, t34, t288)))))))));
-        let t290 = fma(re_2_2, t46, fma(re_2_0, t34, fma(re_1_m1, t40, fma(re_0_1, t34, fma(re_0_1, t46, fma(re_1_m1, t21, fma(re_1_2, t125, fma(re_2_0, t21, fma(re_2_2, t125, t272)))))))));
-        let t291 = fma(-im_1_2, t151, fma(im_1_m1, t151, fma(-im_0_1, t142, fma(im_0_1, t144, fma(-im_1_m1, t135, fma(-im_1_2, t137, fma(im_2_0, t135, fma(im_2_2, t137, t290))))))));
-        let t292 = re_2_m2 * t122;
-        let t293 = fma(im_2_m1, t134, fma(re_2_m1, t113, fma(re_2_m2, t28, fma(re_1_1, t106, fma(re_0_2, t113, fma(re_0_2, t28, fma(re_1_0, t118, fma(re_1_1, t122, fma(re_2_m1, t118, t292)))))))));
-        let t294 = fma(-im_2_m1, t146, fma(im_2_m2, t143, fma(-im_1_0, t152, fma(im_0_2, t146, fma(im_0_2, t143, fma(-im_1_0, t134, fma(-im_1_1, t138, fma(im_2_m2, t138, t293))))) + t268)));
-        let t295 = fma(-im_0_2, t151, im_0_1 * t152);
-        let t296 = t106 + t40;
-        let t297 = fma(-im_2_2, t138, fma(re_2_2, t125, fma(re_2_1, t122, fma(re_2_0, t118, fma(re_2_m2, t15, fma(re_2_m2, t125, fma(re_2_m1, t15, fma(re_2_0, t21, fma(re_2_1, t118, t284)))))))));
-        let t298 = fma(-im_2_1, t138, fma(-im_2_0, t134, fma(-im_2_m1, t135, fma(-im_2_m2, t136, fma(-im_2_m2, t137, fma(-im_2_m1, t136, fma(-im_2_0, t135, fma(-im_2_1, t134, t297))))))));
-        let t299 = fma(re_1_2, t28, fma(re_1_1, t46, fma(re_1_0, t109, fma(re_1_m1, t34, fma(re_1_m2, t113, fma(re_1_m2, t28, fma(re_1_m1, t113, fma(re_1_0, t34, fma(re_1_2, t46, t253)))))))));
-        let t300 = fma(-im_1_0, t145, fma(im_1_m1, t142, fma(-im_1_m2, t146, fma(im_1_m2, t143, fma(-im_1_m1, t146, fma(im_1_0, t142, fma(-im_1_1, t145, fma(im_1_2, t144, t299))))))));
-        let t301 = fma(self.c17, fma(im_1_2, t143, fma(im_1_1, t144, t300)), fma(self.c16, fma(-im_2_2, t137, t298), fma(re_0_2, t40 + t150, fma(re_0_1, t296, fma(-im_0_1, t151, t295)))));
-        let t302 = fma(re_1_1, t28, fma(re_1_0, t46, fma(re_1_m1, t109, fma(re_1_m2, t34, fma(re_1_m2, t46, fma(re_1_m1, t28, fma(re_1_0, t113, fma(re_1_1, t34, fma(re_1_2, t109, t259)))))))));
-        let t303 = fma(im_1_0, t144, fma(-im_1_m1, t145, fma(im_1_m2, t142, fma(im_1_m2, t144, fma(im_1_m1, t143, fma(-im_1_0, t146, fma(im_1_1, t142, fma(-im_1_2, t145, t302))))))));
-        let t304 = fma(re_2_2, t15, fma(re_2_1, t125, fma(re_2_0, t122, fma(re_2_m1, t118, fma(re_2_m2, t21, fma(re_2_m1, t125, fma(re_2_0, t15, fma(re_2_1, t21, fma(re_2_2, t118, t292)))))))));
-        let t305 = fma(-im_2_0, t138, fma(-im_2_m1, t134, fma(-im_2_m2, t135, fma(-im_2_m2, t138, fma(-im_2_m1, t137, fma(-im_2_0, t136, fma(-im_2_1, t135, fma(-im_2_2, t134, t304))))))));
-        let t306 = fma(self.c17, fma(-im_2_2, t136, fma(-im_2_1, t137, t305)), fma(self.c16, fma(-im_1_2, t146, fma(im_1_1, t143, t303)), fma(re_0_1, t106 + t150, fma(re_0_2, t296, fma(im_0_2, t152, -t295)))));
-        let t307 = fma(t46, fma(self.c17, fma(im_2_1, t142, t289), fma(self.c16, fma(-im_2_2, t145, t286), fma(re_1_m1, t118 + t150, fma(re_2_m2, t258, fma(im_2_m2, t134, -t257))))), fma(t113, t278, fma(t34, t271, fma(t118, t264, fma(t122, t256, fma(t21, t240, t15 * t232))))));
-        let t308 = fma(t109, fma(self.c17, t294 + t287, fma(self.c16, fma(im_2_2, t144, fma(im_2_0, t142, t291)), fma(re_1_m2, t15 + t150, fma(re_2_1, t225, fma(im_2_1, t136, -t224))))), t307);
-        let t309 = fma(-im_2_1, t40, fma(-im_1_2, t28, fma(-im_1_0, t34, fma(im_1_0, t118, fma(im_1_2, t15, fma(-im_0_1, t15, fma(im_0_1, t118, fma(im_2_m2, t28, fma(im_2_1, t34, -t197)))))))));
-        let t310 = fma(re_2_m2, t151, fma(-re_1_2, t143, fma(-re_1_0, t142, fma(-re_1_0, t134, fma(-re_1_2, t136, fma(re_0_1, t136, fma(re_0_1, t134, fma(re_2_m2, t143, t309))))))));
-        let t311 = fma(-im_2_m1, t46, fma(-im_2_0, t109, fma(im_2_0, t106, fma(im_2_m1, t106, fma(im_1_m1, t109, fma(im_1_m2, t46, fma(-im_1_m2, t125, fma(-im_1_m1, t122, t207))))))));
-        let t312 = fma(re_2_0, t145, fma(-re_2_0, t152, fma(re_2_m1, t152, fma(-re_1_m1, t145, fma(re_1_m2, t144, fma(re_1_m2, t137, fma(re_1_m1, t138, fma(-im_0_2, t122, t311))))))));
-        let t313 = fma(self.c16, fma(-re_0_2, t137, fma(-re_0_2, t138, fma(-re_2_m1, t144, t312))), fma(-self.c17, fma(-re_2_1, t151, t310) + t211, fma(-im_2_2, t113 - t150, fma(-t65, t146, fma(im_1_1, t170, re_1_1 * t135)))));
+        let t0 = im_2_2 * im_2_2;
+        let t1 = im_2_1 * im_2_1;
+        let t2 = im_1_2 * im_1_2;
+        let t3 = re_1_0 * re_1_0;
+        let t4 = re_1_m1 * re_1_m1;
+        let t5 = re_0_1 * re_0_1;
+        let t6 = fma(im_1_0, im_1_0, fma(im_1_1, im_1_1, fma(re_1_2, re_1_2, fma(im_2_m2, im_2_m2, fma(im_2_m1, im_2_m1, fma(im_2_0, im_2_0, fma(re_2_1, re_2_1, fma(re_2_2, re_2_2, t0))))))));
+        let t7 = re_0_2 * re_0_2;
+        let t8 = re_2_m1 * re_2_m1;
+        let t9 = re_1_1 * re_1_1;
+        let t10 = re_1_m2 * re_1_m2;
+        let t11 = re_2_m2 * re_2_m2;
+        let t12 = re_2_0 * re_2_0;
+        let t13 = fma(R::from_f64(2.0), fma(im_0_1, im_0_1, fma(im_0_2, im_0_2, fma(im_1_m2, im_1_m2, fma(im_1_m1, im_1_m1, t6)))) + t1 + t2 + t3 + t4 + t5, fma(R::from_f64(2.0), t10 + t11 + t12, R::from_f64(2.0) * (t7 + t8 + t9)));
+        let t14 = re_1_0 * re_2_0;
+        let t15 = im_1_m2 * im_1_2;
+        let t16 = fma(-im_0_2, im_2_m2, fma(re_0_2, re_2_m2, fma(im_0_2, im_2_2, fma(re_0_2, re_2_2, fma(-im_1_2, im_2_m2, fma(re_1_2, re_2_m2, fma(-im_1_m2, im_2_2, fma(re_1_m2, re_2_2, -t15))))))));
+        let t17 = im_1_m1 * im_1_1;
+        let t18 = fma(-im_0_1, im_2_m1, fma(re_0_1, re_2_m1, fma(im_0_1, im_2_1, fma(re_0_1, re_2_1, fma(-im_1_1, im_2_m1, fma(re_1_1, re_2_m1, fma(-im_1_m1, im_2_1, fma(re_1_m1, re_2_1, -t17))))))));
+        let t19 = fma(self.c15, fma(re_1_m1, re_1_1, t18), fma(self.c14, fma(re_1_m2, re_1_2, t16), fma(-im_1_0, fma(im_1_0, R::from_f64(0.5), im_2_0), fma(t3, R::from_f64(0.5), t14))));
+        let t20 = re_1_1 - re_2_2;
+        let t21 = im_1_0 * re_1_2;
+        let t22 = fma(-im_0_1, re_2_1, fma(-re_0_1, im_2_1, fma(im_0_1, re_2_m2, fma(-re_0_1, im_2_m2, fma(im_1_0, re_2_m2, fma(re_1_0, im_2_m2, fma(im_1_2, re_2_1, fma(re_1_2, im_2_1, -t21))))))));
+        let t23 = im_1_m1 * re_2_m1;
+        let t24 = fma(-im_1_m2, re_2_0, fma(-re_1_m2, im_2_0, fma(im_1_m2, re_1_m1, fma(re_1_m2, im_1_m1, fma(im_0_2, re_2_0, fma(re_0_2, im_2_0, fma(-im_0_2, re_2_m1, fma(re_0_2, im_2_m1, -t23))))))));
+        let t25 = fma(-self.c14, fma(-re_1_m1, im_2_m1, t24), fma(self.c15, fma(-re_1_0, im_1_2, t22), fma(-im_1_1, t20, re_1_1 * im_2_2)));
+        let t26 = im_2_2 * t25;
+        let t27 = re_0_1 * re_0_2;
+        let t28 = im_2_m2 * im_2_0;
+        let t29 = fma(im_2_m1, im_2_1, fma(re_2_m1, re_2_1, fma(im_2_0, im_2_2, fma(re_2_0, re_2_2, fma(im_2_m2, im_2_1, fma(re_2_m2, re_2_1, fma(im_2_m1, im_2_2, fma(re_2_m1, re_2_2, t28))))))));
+        let t30 = fma(re_1_m2, re_1_0, fma(re_1_m1, re_1_1, fma(im_1_0, im_1_2, fma(re_1_0, re_1_2, fma(im_1_m2, im_1_1, fma(re_1_m2, re_1_1, fma(im_1_m1, im_1_2, fma(re_1_m1, re_1_2, t17))))))));
+        let t31 = fma(self.c15, fma(im_1_m2, im_1_0, t30), fma(self.c14, fma(re_2_m2, re_2_0, t29), fma(-im_0_1, fma(im_0_1, R::from_f64(0.5), im_0_2), fma(t5, R::from_f64(0.5), t27))));
+        let t32 = im_1_m2 * im_2_1;
+        let t33 = im_0_1 * im_1_2;
+        let t34 = fma(im_0_1, im_1_m1, fma(re_0_1, re_1_m1, fma(im_1_m1, im_2_2, fma(re_1_m1, re_2_2, fma(im_1_2, im_2_0, fma(re_1_2, re_2_0, fma(-im_2_0, im_2_2, fma(re_2_0, re_2_2, -t33))))))));
+        let t35 = im_0_2 * im_1_1;
+        let t36 = fma(im_0_2, im_1_0, fma(re_0_2, re_1_0, fma(im_1_0, im_2_m2, fma(re_1_0, re_2_m2, fma(im_1_1, im_2_m1, fma(re_1_1, re_2_m1, fma(-im_2_m2, im_2_m1, fma(re_2_m2, re_2_m1, -t35))))))));
+        let t37 = fma(self.c15, fma(re_0_2, re_1_1, t36), fma(self.c14, fma(re_0_1, re_1_2, t34), fma(-R::from_f64(0.5), fma(-re_2_1, re_2_1, t1), fma(re_1_m2, re_2_1, t32))));
+        let t38 = re_1_m1 * re_2_m2;
+        let t39 = im_1_1 * im_1_2;
+        let t40 = fma(-im_0_2, im_2_1, fma(re_0_2, re_2_1, fma(im_0_2, im_2_0, fma(re_0_2, re_2_0, fma(-im_1_2, im_2_0, fma(re_1_2, re_2_0, fma(-im_1_1, im_2_1, fma(re_1_1, re_2_1, -t39))))))));
+        let t41 = im_0_1 * im_2_2;
+        let t42 = fma(re_1_m2, re_1_0, fma(re_0_1, re_2_2, fma(im_0_1, im_2_m1, fma(re_0_1, re_2_m1, fma(-im_1_m2, im_2_m1, fma(re_1_m2, re_2_m1, fma(-im_1_0, im_2_2, fma(re_1_0, re_2_2, -t41))))))));
+        let t43 = fma(self.c15, fma(-im_1_m2, im_1_0, t42), fma(self.c14, fma(re_1_1, re_1_2, t40), fma(-im_1_m1, fma(im_1_m1, R::from_f64(0.5), im_2_m2), fma(t4, R::from_f64(0.5), t38))));
+        let t44 = im_1_2 * im_2_m1;
+        let t45 = im_1_m1 * im_1_0;
+        let t46 = fma(-im_0_2, im_2_2, fma(re_0_2, re_2_2, fma(im_0_2, im_2_1, fma(re_0_2, re_2_1, fma(-im_1_0, im_2_1, fma(re_1_0, re_2_1, fma(-im_1_m1, im_2_2, fma(re_1_m1, re_2_2, -t45))))))));
+        let t47 = im_0_1 * im_2_m2;
+        let t48 = fma(re_1_m2, re_1_1, fma(re_0_1, re_2_m2, fma(im_0_1, im_2_0, fma(re_0_1, re_2_0, fma(-im_1_m2, im_2_m2, fma(re_1_m2, re_2_m2, fma(-im_1_1, im_2_0, fma(re_1_1, re_2_0, -t47))))))));
+        let t49 = fma(self.c15, fma(-im_1_m2, im_1_1, t48), fma(self.c14, fma(re_1_m1, re_1_0, t46), fma(-t2, R::from_f64(0.5), fma(re_1_2, fma(re_1_2, R::from_f64(0.5), re_2_m1), -t44))));
+        let t50 = im_1_1 * im_2_2;
+        let t51 = fma(re_0_1, re_1_0, fma(re_0_1, re_1_2, fma(im_1_0, im_2_1, fma(re_1_0, re_2_1, fma(im_1_2, im_2_m2, fma(re_1_2, re_2_m2, fma(-im_2_m2, im_2_1, fma(re_2_m2, re_2_1, t33))))))));
+        let t52 = im_0_2 * im_1_m1;
+        let t53 = fma(re_0_2, re_1_m2, fma(im_1_m2, im_2_m1, fma(re_1_m2, re_2_m1, fma(im_1_m1, im_2_0, fma(re_1_m1, re_2_0, fma(-im_2_m1, im_2_0, fma(re_2_m1, re_2_0, -t52)))))));
+        let t54 = fma(self.c15, fma(re_0_2, re_1_m1, fma(im_0_2, im_1_m2, t53)), fma(self.c14, fma(-im_0_1, im_1_0, t51), fma(re_2_2, fma(re_2_2, R::from_f64(0.5), re_1_1), fma(-t0, R::from_f64(0.5), t50))));
+        let t55 = im_1_0 * im_1_1;
+        let t56 = fma(-im_0_2, im_2_m1, fma(re_0_2, re_2_m1, fma(im_0_2, im_2_m2, fma(re_0_2, re_2_m2, fma(-im_1_1, im_2_m2, fma(re_1_1, re_2_m2, fma(-im_1_0, im_2_m1, fma(re_1_0, re_2_m1, -t55))))))));
+        let t57 = fma(re_1_m1, re_1_2, fma(-im_0_1, im_2_0, fma(re_0_1, re_2_0, fma(re_0_1, re_2_2, fma(-im_1_m1, im_2_0, fma(re_1_m1, re_2_0, fma(-im_1_2, im_2_2, fma(re_1_2, re_2_2, t41))))))));
+        let t58 = fma(self.c15, fma(-im_1_m1, im_1_2, t57), fma(self.c14, fma(re_1_0, re_1_1, t56), fma(-R::from_f64(0.5), fma(im_1_m2, im_1_m2, -t10), fma(re_1_m2, re_2_1, -t32))));
+        let t59 = im_1_m2 * im_1_m1;
+        let t60 = fma(re_0_2, re_2_0, fma(im_0_2, im_2_m1, fma(re_0_2, re_2_m1, fma(-im_1_m1, im_2_m1, fma(re_1_m1, re_2_m1, fma(-im_1_m2, im_2_0, fma(re_1_m2, re_2_0, -t59)))))));
+        let t61 = fma(re_1_0, re_1_2, fma(-im_0_1, im_2_1, fma(re_0_1, re_2_1, fma(re_0_1, re_2_m2, fma(-im_1_0, im_2_m2, fma(re_1_0, re_2_m2, fma(-im_1_2, im_2_1, fma(re_1_2, re_2_1, t47))))))));
+        let t62 = fma(self.c15, fma(-im_1_0, im_1_2, t61), fma(self.c14, fma(re_1_m2, re_1_m1, fma(-im_0_2, im_2_0, t60)), fma(-R::from_f64(0.5), fma(im_1_1, im_1_1, -t9), fma(re_1_1, re_2_2, -t50))));
+        let t63 = im_0_1 * im_1_1;
+        let t64 = fma(re_0_1, re_1_m1, fma(re_0_1, re_1_1, fma(im_1_m1, im_2_m1, fma(re_1_m1, re_2_m1, fma(im_1_1, im_2_1, fma(re_1_1, re_2_1, fma(-im_2_m1, im_2_1, fma(re_2_m1, re_2_1, t63))))))));
+        let t65 = im_0_2 * im_1_2;
+        let t66 = fma(re_0_2, re_1_m2, fma(re_0_2, re_1_2, fma(im_1_m2, im_2_m2, fma(re_1_m2, re_2_m2, fma(im_1_2, im_2_2, fma(re_1_2, re_2_2, fma(-im_2_m2, im_2_2, fma(re_2_m2, re_2_2, t65))))))));
+        let t67 = fma(self.c15, fma(-im_0_2, im_1_m2, t66), fma(self.c14, fma(-im_0_1, im_1_m1, t64), fma(-R::from_f64(0.5), fma(im_2_0, im_2_0, -t12), fma(im_1_0, im_2_0, t14))));
+        let t68 = im_0_1 * im_1_m2;
+        let t69 = fma(re_0_1, re_1_1, fma(re_0_1, re_1_m2, fma(im_1_m2, im_2_0, fma(re_1_m2, re_2_0, fma(im_1_1, im_2_m2, fma(re_1_1, re_2_m2, fma(re_2_m2, re_2_0, -t28))))))) + t68;
+        let t70 = fma(re_0_2, re_1_0, fma(re_0_2, re_1_m1, fma(im_1_m1, im_2_1, fma(re_1_m1, re_2_1, fma(im_1_0, im_2_2, fma(re_1_0, re_2_2, fma(-im_2_1, im_2_2, fma(re_2_1, re_2_2, t52))))))));
+        let t71 = fma(self.c15, fma(-im_0_2, im_1_0, t70), fma(self.c14, t69 - t63, fma(R::from_f64(0.5), fma(-im_2_m1, im_2_m1, t8), fma(re_1_2, re_2_m1, t44))));
+        let t72 = im_2_0 * im_2_1;
+        let t73 = fma(re_2_m2, re_2_m1, fma(im_2_m1, im_2_0, fma(re_2_m1, re_2_0, fma(re_2_0, re_2_1, fma(im_2_1, im_2_2, fma(re_2_1, re_2_2, fma(im_2_m2, im_2_2, fma(re_2_m2, re_2_2, t72))))))));
+        let t74 = fma(self.c14, fma(re_1_m2, re_1_m1, fma(re_1_m1, re_1_0, fma(re_1_0, re_1_1, fma(re_1_1, re_1_2, fma(re_1_m2, re_1_2, t15))))) + t39 + t55 + t45 + t59, fma(R::from_f64(0.5), fma(-im_0_2, im_0_2, t7), fma(im_0_1, im_0_2, t27)));
+        let t75 = fma(self.c15, fma(im_2_m2, im_2_m1, t73), t74);
+        let t76 = fma(im_0_1, im_1_0, fma(re_0_1, re_1_0, fma(im_1_m2, im_2_2, fma(re_1_m2, re_2_2, fma(im_1_0, im_2_m1, fma(re_1_0, re_2_m1, fma(-im_2_m1, im_2_2, fma(re_2_m1, re_2_2, -t68))))))));
+        let t77 = fma(re_0_2, re_1_2, fma(re_0_2, re_1_1, fma(im_1_1, im_2_0, fma(re_1_1, re_2_0, fma(im_1_2, im_2_1, fma(re_1_2, re_2_1, fma(re_2_0, re_2_1, -t72))))))) + t35 - t65;
+        let t78 = fma(self.c15, t77, fma(self.c14, fma(re_0_1, re_1_m2, t76), fma(-R::from_f64(0.5), fma(im_2_m2, im_2_m2, -t11), fma(im_1_m1, im_2_m2, t38))));
+        let t79 = re_0_1 - re_0_2;
+        let t80 = im_1_m1 * re_1_0;
+        let t81 = fma(re_1_m2, im_1_m1, fma(re_1_m1, im_1_0, fma(-im_1_0, re_1_1, fma(re_1_0, im_1_1, fma(-im_1_1, re_1_2, fma(re_1_1, im_1_2, fma(-re_1_m2, im_1_2, fma(im_1_m2, re_1_2, -t80))))))));
+        let t82 = im_2_m2 * re_2_m1;
+        let t83 = fma(-im_2_m1, re_2_0, fma(re_2_m1, im_2_0, fma(-im_2_0, re_2_1, fma(re_2_0, im_2_1, fma(-im_2_1, re_2_2, fma(re_2_1, im_2_2, fma(-re_2_m2, im_2_2, fma(im_2_m2, re_2_2, -t82))))))));
+        let t84 = fma(self.c15, fma(re_2_m2, im_2_m1, t83), fma(self.c14, fma(-im_1_m2, re_1_m1, t81), fma(im_0_2, t79, -(im_0_1 * re_0_2))));
+        let t85 = re_1_m2 - re_2_1;
+        let t86 = fma(-re_0_2, im_1_1, fma(im_0_2, re_1_0, fma(-re_0_2, im_1_0, fma(im_1_0, re_2_m2, fma(-re_1_0, im_2_m2, fma(im_1_1, re_2_m1, fma(-re_1_1, im_2_m1, fma(re_2_m2, im_2_m1, t82))))))));
+        let t87 = im_2_0 * re_2_2;
+        let t88 = fma(im_0_1, re_1_2, fma(re_0_1, im_1_2, fma(-im_0_1, re_1_m1, fma(re_0_1, im_1_m1, fma(-im_1_m1, re_2_2, fma(re_1_m1, im_2_2, fma(-im_1_2, re_2_0, fma(re_1_2, im_2_0, -t87))))))));
+        let t89 = fma(-self.c14, fma(-re_2_0, im_2_2, t88), fma(self.c15, fma(-im_0_2, re_1_1, t86), fma(-im_2_1, t85, im_1_m2 * re_2_1)));
+        let t90 = re_1_0 - re_2_0;
+        let t91 = im_0_2 * re_1_m2;
+        let t92 = fma(im_0_2, re_1_2, fma(-re_0_2, im_1_2, fma(im_1_m2, re_2_m2, fma(-re_1_m2, im_2_m2, fma(im_1_2, re_2_2, fma(-re_1_2, im_2_2, fma(im_2_m2, re_2_2, fma(re_2_m2, im_2_2, -t91))))))));
+        let t93 = fma(-re_2_m1, im_2_1, fma(im_0_1, re_1_m1, fma(re_0_1, im_1_m1, fma(-im_0_1, re_1_1, fma(re_0_1, im_1_1, fma(re_1_m1, im_2_m1, fma(-im_1_1, re_2_1, fma(re_1_1, im_2_1, -t23))))))));
+        let t94 = fma(self.c14, fma(-im_2_m1, re_2_1, t93), fma(-self.c15, fma(-re_0_2, im_1_m2, t92), fma(im_2_0, t90, -(im_1_0 * re_2_0))));
+        let t95 = fma(-re_0_2, im_1_m2, fma(im_1_m2, re_2_m1, fma(-re_1_m2, im_2_m1, fma(im_1_m1, re_2_0, fma(-re_1_m1, im_2_0, fma(im_2_m1, re_2_0, fma(re_2_m1, im_2_0, t91)))))));
+        let t96 = im_2_m2 * re_2_1;
+        let t97 = fma(im_0_1, re_1_0, fma(re_0_1, im_1_0, fma(-im_0_1, re_1_2, fma(re_0_1, im_1_2, fma(-im_1_0, re_2_1, fma(re_1_0, im_2_1, fma(-im_1_2, re_2_m2, fma(re_1_2, im_2_m2, -t96))))))));
+        let t98 = fma(-self.c14, fma(-re_2_m2, im_2_1, t97), fma(self.c15, fma(-im_0_2, re_1_m1, fma(-re_0_2, im_1_m1, t95)), fma(-im_2_2, t20, im_1_1 * re_2_2)));
+        let t99 = re_1_2 - re_2_m1;
+        let t100 = im_1_m1 * re_2_1;
+        let t101 = fma(-re_0_2, im_1_0, fma(im_0_2, re_1_m1, fma(-re_0_2, im_1_m1, fma(-re_1_m1, im_2_1, fma(im_1_0, re_2_2, fma(-re_1_0, im_2_2, fma(im_2_1, re_2_2, fma(re_2_1, im_2_2, t100))))))));
+        let t102 = im_2_m2 * re_2_0;
+        let t103 = fma(re_0_1, im_1_1, fma(-im_0_1, re_1_m2, fma(re_0_1, im_1_m2, fma(-im_1_m2, re_2_0, fma(re_1_m2, im_2_0, fma(-im_1_1, re_2_m2, fma(re_1_1, im_2_m2, -t102)))))));
+        let t104 = fma(self.c14, fma(-re_2_m2, im_2_0, fma(im_0_1, re_1_1, t103)), fma(-self.c15, fma(-im_0_2, re_1_0, t101), fma(im_2_m1, t99, -(im_1_2 * re_2_m1))));
+        let t105 = fma(-re_1_m1, im_1_1, fma(-im_0_1, re_2_m1, fma(-re_0_1, im_2_m1, fma(im_0_1, re_2_1, fma(-re_0_1, im_2_1, fma(im_1_1, re_2_m1, fma(re_1_1, im_2_m1, fma(re_1_m1, im_2_1, t100))))))));
+        let t106 = im_1_m2 * re_2_2;
+        let t107 = fma(-re_1_2, im_2_m2, fma(-re_1_m2, im_2_2, fma(im_1_m2, re_1_2, fma(re_1_m2, im_1_2, fma(im_0_2, re_2_m2, fma(re_0_2, im_2_m2, fma(-im_0_2, re_2_2, fma(re_0_2, im_2_2, -t106))))))));
+        let t108 = fma(-self.c14, fma(-im_1_2, re_2_m2, t107), fma(self.c15, fma(-im_1_m1, re_1_1, t105), fma(-im_1_0, t90, re_1_0 * im_2_0)));
+        let t109 = im_1_m1 * re_1_2;
+        let t110 = fma(-im_0_1, re_2_0, fma(-re_0_1, im_2_0, fma(im_0_1, re_2_2, fma(-re_0_1, im_2_2, fma(im_1_m1, re_2_0, fma(re_1_m1, im_2_0, fma(im_1_2, re_2_2, fma(re_1_2, im_2_2, -t109))))))));
+        let t111 = im_1_0 * re_2_m1;
+        let t112 = fma(-re_1_1, im_2_m2, fma(-re_1_0, im_2_m1, fma(im_1_0, re_1_1, fma(re_1_0, im_1_1, fma(im_0_2, re_2_m1, fma(re_0_2, im_2_m1, fma(-im_0_2, re_2_m2, fma(re_0_2, im_2_m2, -t111))))))));
+        let t113 = fma(-self.c14, fma(-im_1_1, re_2_m2, t112), fma(self.c15, fma(-re_1_m1, im_1_2, t110), fma(-im_1_m2, t85, re_1_m2 * im_2_1)));
+        let t114 = im_1_1 * re_2_0;
+        let t115 = fma(-re_1_m2, im_1_1, fma(-im_0_1, re_2_m2, fma(-re_0_1, im_2_m2, fma(im_0_1, re_2_0, fma(-re_0_1, im_2_0, fma(im_1_m2, re_2_m2, fma(re_1_m2, im_2_m2, fma(re_1_1, im_2_0, t114))))))));
+        let t116 = im_0_2 * re_2_1;
+        let t117 = fma(-im_1_0, re_2_1, fma(-re_1_0, im_2_1, fma(-im_1_m1, re_2_2, fma(-re_1_m1, im_2_2, fma(re_1_m1, im_1_0, fma(im_0_2, re_2_2, fma(re_0_2, im_2_2, fma(re_0_2, im_2_1, -t116))))))));
+        let t118 = fma(-self.c14, t117 + t80, fma(self.c15, fma(-im_1_m2, re_1_1, t115), fma(-im_1_2, t99, re_1_2 * im_2_m1)));
+        let t119 = re_1_m1 - re_2_m2;
+        let t120 = im_1_m2 * re_1_0;
+        let t121 = fma(-im_0_1, re_2_2, fma(-re_0_1, im_2_2, fma(im_0_1, re_2_m1, fma(-re_0_1, im_2_m1, fma(im_1_m2, re_2_m1, fma(re_1_m2, im_2_m1, fma(im_1_0, re_2_2, fma(re_1_0, im_2_2, -t120))))))));
+        let t122 = fma(-re_1_2, im_2_0, fma(-im_1_1, re_2_1, fma(-re_1_1, im_2_1, fma(im_1_1, re_1_2, fma(re_1_1, im_1_2, fma(re_0_2, im_2_1, fma(-im_0_2, re_2_0, fma(re_0_2, im_2_0, t116))))))));
+        let t123 = fma(-self.c14, fma(-im_1_2, re_2_0, t122), fma(self.c15, fma(-re_1_m2, im_1_0, t121), fma(-im_1_m1, t119, re_1_m1 * im_2_m2)));
+        let t124 = fma(-re_0_2, im_1_2, fma(im_0_2, re_1_1, fma(-re_0_2, im_1_1, fma(-re_1_1, im_2_0, fma(im_1_2, re_2_1, fma(-re_1_2, im_2_1, fma(im_2_0, re_2_1, fma(re_2_0, im_2_1, t114))))))));
+        let t125 = fma(-im_2_m1, re_2_2, fma(-re_2_m1, im_2_2, fma(im_0_1, re_1_m2, fma(re_0_1, im_1_m2, fma(-im_0_1, re_1_0, fma(re_0_1, im_1_0, fma(re_1_m2, im_2_2, fma(re_1_0, im_2_m1, -t111))))))));
+        let t126 = fma(self.c14, t125 - t106, fma(-self.c15, fma(-im_0_2, re_1_2, t124), fma(im_2_m2, t119, -(im_1_m1 * re_2_m2))));
+        let t127 = fma(re_1_m2, im_1_0, fma(-im_1_m1, re_1_1, fma(re_1_m1, im_1_1, fma(re_1_0, im_1_2, fma(-re_1_m2, im_1_1, fma(im_1_m2, re_1_1, fma(-re_1_m1, im_1_2, t109))))))) - t21;
+        let t128 = fma(re_2_m2, im_2_0, fma(-im_2_m1, re_2_1, fma(re_2_m1, im_2_1, fma(re_2_0, im_2_2, fma(-re_2_m2, im_2_1, fma(-re_2_m1, im_2_2, fma(im_2_m1, re_2_2, t96))))))) - t87;
+        let t129 = fma(-self.c14, t128 - t102, fma(-self.c15, t127 - t120, fma(-im_0_1, t79, re_0_1 * im_0_2)));
+        let t130 = im_0_2 * t129;
+        let t131 = fma(-im_2_m2, t123, fma(-im_2_m1, t118, fma(-im_2_1, t113, fma(-im_2_0, t108, fma(im_1_2, t104, fma(-im_1_1, t98, fma(im_1_0, t94, fma(-im_1_m2, t89, fma(im_0_1, t84, -t130)))))))));
+        let t132 = fma(R::from_f64(4.0), fma(re_1_1, t54, fma(re_2_m1, t49, fma(re_2_m2, t43, fma(re_1_m2, t37, fma(re_0_2, t31, fma(re_2_0, t19, -t26)))))), R::from_f64(4.0) * fma(re_1_m1, t78, fma(re_0_1, t75, fma(re_1_2, t71, fma(re_1_0, t67, fma(re_2_2, t62, re_2_1 * t58))))));
+        let t133 = fma(R::from_f64(4.0), fma(im_1_m1, t126, t131), t132);
+        let t134 = fma(t129, t129, fma(t89, t89, fma(t126, t126, fma(t94, t94, fma(t98, t98, fma(t104, t104, fma(t123, t123, fma(t118, t118, fma(t108, t108, fma(t25, t25, t113 * t113))))))))));
+        let t135 = R::from_f64(8.0) * t84;
+        let t136 = R::from_f64(8.0) * t75;
+        let t137 = R::from_f64(0.5) * t13;
+        let t138 = t75 - t31;
+        let t139 = im_2_2 * t58;
+        let t140 = fma(re_2_m2, t118, fma(im_2_m1, t19, fma(re_2_m1, t108, fma(im_2_0, t58, fma(re_2_0, t113, fma(im_2_1, t62, fma(re_2_1, t25, fma(im_2_2, t43, fma(re_2_2, t123, -t139)))))))));
+        let t141 = fma(-re_2_1, t108, fma(-im_2_0, t49, fma(-re_2_0, t118, fma(-im_2_m1, t43, fma(-re_2_m1, t123, fma(-im_2_m2, t62, fma(-re_2_m2, t25, fma(im_2_m2, t49, t140))))))));
+        let t142 = im_1_0 * t54;
+        let t143 = fma(-re_1_m2, t104, fma(im_1_m2, t71, fma(-im_1_m2, t78, fma(re_1_m2, t126, fma(-im_1_m1, t67, fma(re_1_m1, t94, fma(-im_1_1, t71, fma(re_1_1, t104, -t142))))))));
+        let t144 = fma(-re_1_2, t89, fma(im_1_2, t54, fma(re_1_2, t98, fma(-re_1_1, t94, fma(im_1_1, t67, fma(-re_1_0, t126, fma(im_1_0, t78, fma(im_1_m1, t37, fma(re_1_m1, t89, t143)))))))));
+        let t145 = fma(self.c14, fma(-re_1_0, t98, fma(-im_1_2, t37, t144)), fma(-self.c15, fma(-re_2_2, t113, fma(-im_2_1, t19, t141)), fma(-im_0_1, t31 - t137, fma(im_0_2, t138, fma(-t79, t129, -(re_0_2 * t84))))));
+        let t146 = t37 - t58;
+        let t147 = im_2_m1 * t54;
+        let t148 = fma(-re_0_2, t94, fma(im_2_m2, t49, fma(-re_2_m2, t118, fma(im_1_0, t43, fma(re_1_0, t123, fma(im_1_1, t49, fma(re_1_1, t118, fma(-re_2_m1, t123, fma(im_2_m1, t43, -t147)))))))));
+        let t149 = fma(re_2_m2, t94, fma(-im_2_m2, t67, fma(re_1_1, t129, fma(-im_1_1, t31, fma(-im_1_0, t31, fma(-re_1_0, t129, fma(re_0_2, t98, fma(-im_0_2, t54, fma(im_0_2, t67, t148)))))))));
+        let t150 = im_1_m1 * t62;
+        let t151 = fma(re_1_2, t84, fma(-re_1_m1, t84, fma(im_1_m1, t75, fma(im_0_1, t71, fma(re_0_1, t104, fma(-im_0_1, t78, fma(re_0_1, t126, fma(-im_2_0, t62, fma(re_2_0, t25, -t150)))))))));
+        let t152 = fma(-im_1_2, t19, fma(-re_1_2, t108, fma(re_2_2, t108, fma(-im_2_2, t19, fma(-re_2_2, t126, fma(im_2_2, t78, fma(-re_2_0, t104, fma(im_2_0, t71, fma(im_1_2, t75, t151)))))))));
+        let t153 = t67 - t19;
+        let t154 = re_2_2 * t104;
+        let t155 = fma(-re_2_2, t123, fma(-re_0_2, t104, fma(im_0_2, t71, fma(im_1_m2, t43, fma(re_1_m2, t123, fma(im_1_2, t62, fma(re_1_2, t25, fma(-re_2_m2, t25, fma(im_2_m2, t62, t154)))))))));
+        let t156 = fma(-im_2_m2, t37, fma(-re_2_m2, t89, fma(-im_1_2, t31, fma(-re_1_2, t129, fma(re_1_m2, t129, fma(-im_1_m2, t31, fma(re_0_2, t89, fma(-im_0_2, t37, fma(im_2_2, t43, t155)))))))));
+        let t157 = im_0_1 * t54;
+        let t158 = fma(im_2_m1, t78, fma(-re_1_1, t84, fma(im_1_1, t75, fma(im_1_m1, t75, fma(re_1_m1, t84, fma(im_0_1, t78, fma(re_0_1, t126, fma(-im_2_m1, t58, fma(re_2_m1, t113, -t157)))))))));
+        let t159 = fma(-im_1_m1, t49, fma(-re_1_m1, t118, fma(-im_1_1, t58, fma(-re_1_1, t113, fma(re_2_1, t118, fma(-im_2_1, t49, fma(im_2_1, t54, fma(re_2_1, t98, fma(-re_2_m1, t126, t158)))))))));
+        let t160 = t54 - t62;
+        let t161 = re_2_0 * t126;
+        let t162 = fma(-re_2_m1, t108, fma(im_0_2, t37, fma(re_0_2, t89, fma(im_1_m2, t49, fma(re_1_m2, t118, fma(im_1_m1, t19, fma(re_1_m1, t108, fma(-re_2_0, t118, fma(im_2_0, t49, t161)))))))));
+        let t163 = fma(-re_2_m1, t89, fma(re_1_m1, t129, fma(-im_1_m1, t31, fma(-im_1_m2, t31, fma(-re_1_m2, t129, fma(-im_0_2, t78, fma(-re_0_2, t126, fma(im_2_m1, t19, t162))))))));
+        let t164 = im_1_0 * t58;
+        let t165 = fma(im_2_m2, t71, fma(-re_1_2, t84, fma(im_1_2, t75, fma(im_1_0, t75, fma(re_1_0, t84, fma(im_0_1, t67, fma(re_0_1, t94, fma(-im_2_1, t43, fma(re_2_1, t123, -t164)))))))));
+        let t166 = fma(-re_1_0, t113, fma(-im_1_2, t43, fma(-re_1_2, t123, fma(re_2_m2, t113, fma(-im_2_m2, t58, fma(-re_2_1, t94, fma(im_2_1, t67, fma(-re_2_m2, t104, t165))))))));
+        let t167 = fma(self.c14, fma(re_0_1, t104, fma(-im_0_1, t71, t166)), fma(-self.c15, fma(-im_2_0, t78, fma(-im_2_m1, t37, t163)), fma(-im_1_1, t62 - t137, fma(im_2_2, t160, fma(-t20, t25, re_2_2 * t98)))));
+        let t168 = t71 - t49;
+        let t169 = fma(im_2_1, t62, fma(-re_2_1, t25, fma(-re_0_2, t126, fma(im_0_2, t78, fma(im_1_m1, t58, fma(re_1_m1, t113, fma(im_1_0, t62, fma(re_1_0, t25, fma(-re_2_2, t113, t139)))))))));
+        let t170 = fma(-im_2_2, t67, fma(re_2_1, t126, fma(-im_2_1, t78, fma(re_1_0, t129, fma(-im_1_0, t31, fma(-im_1_m1, t31, fma(-re_1_m1, t129, fma(-im_0_2, t67, fma(-re_0_2, t94, t169)))))))));
+        let t171 = fma(re_2_0, t89, fma(im_2_m2, t54, fma(re_2_m2, t98, fma(im_1_1, t75, fma(re_1_1, t84, fma(-re_1_m2, t84, fma(im_1_m2, t75, fma(-im_2_m2, t19, fma(re_2_m2, t108, t157)))))))));
+        let t172 = fma(-im_0_1, t37, fma(-re_0_1, t89, fma(-im_1_m2, t19, fma(-re_1_m2, t108, fma(-im_1_1, t43, fma(-re_1_1, t123, fma(re_2_0, t123, fma(-im_2_0, t43, fma(im_2_0, t37, t171)))))))));
+        let t173 = fma(-re_1_m1, t108, fma(im_1_2, t62, fma(-re_1_2, t25, fma(-im_0_1, t19, fma(re_0_1, t108, fma(im_0_1, t62, fma(re_0_1, t25, fma(im_2_0, t78, fma(im_2_2, t71, t154)))))))));
+        let t174 = fma(re_2_2, t84, fma(-im_2_2, t75, fma(-im_2_0, t75, fma(-re_2_0, t84, fma(-im_1_2, t78, fma(-re_1_2, t126, fma(-im_1_m1, t71, fma(-re_1_m1, t104, fma(im_1_m1, t19, t173)))))))));
+        let t175 = fma(re_2_m2, t129, fma(im_1_1, t67, fma(re_1_1, t94, fma(-re_0_2, t118, fma(im_0_2, t49, fma(-im_1_0, t49, fma(re_1_0, t118, fma(-im_1_1, t43, fma(re_1_1, t123, t142)))))))));
+        let t176 = fma(-re_0_2, t123, fma(re_2_m2, t98, fma(-im_2_m2, t54, fma(-im_2_m1, t67, fma(-re_2_m1, t94, fma(-re_2_m1, t129, fma(im_2_m1, t31, fma(im_2_m2, t31, t175))))))));
+        let t177 = fma(self.c14, fma(-re_1_0, t98, fma(-im_0_2, t43, t176)), fma(-self.c15, t174 + t161, fma(-im_2_1, t37 - t137, fma(im_1_m2, t146, fma(-t85, t89, re_1_m2 * t113)))));
+        let t178 = fma(-im_1_m1, t54, fma(re_1_m1, t98, fma(-im_0_1, t49, fma(re_0_1, t118, fma(im_0_1, t58, fma(re_0_1, t113, fma(-re_2_m1, t98, fma(im_2_1, t78, fma(re_2_1, t126, t147)))))))));
+        let t179 = fma(-im_2_m1, t75, fma(-re_2_m1, t84, fma(-im_1_1, t78, fma(-re_1_1, t126, fma(im_1_m1, t58, fma(-re_1_m1, t113, fma(im_1_1, t49, fma(-re_1_1, t118, t178))))))));
+        let t180 = im_0_2 * t62;
+        let t181 = fma(im_2_m2, t31, fma(im_1_m2, t71, fma(re_1_m2, t104, fma(-re_0_2, t123, fma(im_0_2, t43, fma(-im_1_m2, t62, fma(re_1_m2, t25, fma(-im_1_2, t43, fma(re_1_2, t123, -t180)))))))));
+        let t182 = fma(-re_1_2, t89, fma(-re_0_2, t25, fma(-im_2_m2, t71, fma(-re_2_m2, t104, fma(re_2_2, t89, fma(-im_2_2, t37, fma(im_2_2, t31, fma(re_2_2, t129, fma(-re_2_m2, t129, t181)))))))));
+        let t183 = fma(self.c14, fma(im_1_2, t37, t182), fma(-self.c15, fma(re_2_1, t84, fma(-im_2_1, t75, t179)), fma(-im_2_0, t67 - t137, fma(im_1_0, t153, fma(t90, t94, re_1_0 * t108)))));
+        let t184 = im_2_m2 * t75;
+        let t185 = fma(-re_1_1, t108, fma(-im_1_1, t37, fma(re_1_1, t89, fma(im_0_1, t19, fma(re_0_1, t108, fma(-re_2_m2, t89, fma(im_2_m2, t37, fma(-re_2_0, t98, fma(im_2_0, t54, -t184)))))))));
+        let t186 = fma(-im_2_0, t75, fma(-re_2_m2, t84, fma(re_1_m2, t98, fma(-im_1_m2, t54, fma(re_0_1, t123, fma(-im_0_1, t43, fma(im_1_m2, t43, fma(-re_1_m2, t123, fma(im_1_1, t19, t185)))))))));
+        let t187 = fma(im_2_1, t31, fma(re_2_1, t129, fma(im_1_0, t78, fma(re_1_0, t126, fma(im_1_m1, t67, fma(re_1_m1, t94, fma(-re_0_2, t25, fma(re_1_m1, t25, fma(re_1_0, t113, -t164)))))))));
+        let t188 = fma(-im_0_2, t58, fma(-re_0_2, t113, fma(-im_2_1, t67, fma(-re_2_1, t94, fma(-im_2_2, t78, fma(-re_2_2, t126, fma(-re_2_2, t129, fma(im_2_2, t31, t187)))))))) - t150;
+        let t189 = t78 - t43;
+        let t190 = re_1_0 * t89;
+        let t191 = fma(-re_1_m2, t118, fma(im_1_0, t62, fma(-re_1_0, t25, fma(im_0_1, t49, fma(re_0_1, t118, fma(-re_2_m1, t89, fma(im_2_m1, t37, fma(im_2_2, t67, fma(re_2_2, t94, t190)))))))));
+        let t192 = fma(-re_2_2, t84, fma(re_2_m1, t84, fma(-im_2_m1, t75, fma(-im_1_0, t37, fma(-im_1_m2, t67, fma(-re_1_m2, t94, fma(re_0_1, t25, fma(-im_0_1, t62, fma(im_1_m2, t49, t191)))))))));
+        let t193 = im_0_2 * t19;
+        let t194 = fma(im_1_2, t54, fma(im_1_1, t71, fma(re_1_1, t104, fma(-re_0_2, t113, fma(im_0_2, t58, fma(-im_1_1, t58, fma(re_1_1, t113, fma(-im_1_2, t19, fma(re_1_2, t108, -t193)))))))));
+        let t195 = fma(-im_2_0, t71, fma(-re_2_0, t104, fma(re_2_1, t98, fma(-im_2_1, t54, fma(-re_2_1, t129, fma(im_2_1, t31, fma(im_2_0, t31, fma(re_2_0, t129, fma(-re_1_2, t98, t194)))))))));
+        let t196 = re_2_1 * t104;
+        let t197 = fma(-re_2_0, t113, fma(im_0_2, t54, fma(re_0_2, t98, fma(im_1_1, t19, fma(re_1_1, t108, fma(im_1_2, t58, fma(re_1_2, t113, fma(-re_2_1, t108, fma(im_2_1, t19, t196)))))))));
+        let t198 = fma(-im_2_0, t54, fma(-re_2_0, t98, fma(re_1_2, t129, fma(-im_1_2, t31, fma(-im_1_1, t31, fma(-re_1_1, t129, fma(-im_0_2, t71, fma(-re_0_2, t104, fma(im_2_0, t58, t197)))))))));
+        let t199 = re_2_m1 * t25;
+        let t200 = fma(im_1_0, t75, fma(im_1_m2, t75, fma(re_1_m2, t84, fma(-re_0_1, t89, fma(im_0_1, t37, fma(-im_0_1, t67, fma(re_0_1, t94, fma(-im_2_2, t49, fma(re_2_2, t118, t199)))))))));
+        let t201 = fma(-re_1_m2, t25, fma(-im_1_0, t49, fma(-re_1_0, t118, fma(-im_2_m1, t62, fma(im_2_2, t37, fma(re_2_2, t89, fma(-re_2_m1, t94, fma(im_2_m1, t67, fma(-re_1_0, t84, t200)))))))));
+        let t202 = fma(self.c14, fma(-im_1_m2, t62, t201), fma(-self.c15, fma(-im_2_1, t71, t198), fma(-im_1_m1, t43 - t137, fma(im_2_m2, t189, fma(-t119, t123, -(re_2_m2 * t126))))));
+        let t203 = fma(-re_1_m2, t94, fma(im_1_0, t71, fma(-re_1_0, t104, fma(im_1_2, t78, fma(-re_1_2, t126, fma(im_1_m1, t54, fma(re_1_m1, t98, fma(im_1_1, t37, fma(re_1_1, t89, -t190)))))))));
+        let t204 = fma(-im_1_2, t67, fma(re_1_1, t126, fma(-im_1_1, t78, fma(-im_1_0, t37, fma(re_1_m1, t104, fma(-im_1_m1, t71, fma(-im_1_m2, t54, fma(-re_1_m2, t98, fma(im_1_m2, t67, t203)))))))));
+        let t205 = fma(im_2_2, t19, fma(re_2_2, t108, fma(im_2_1, t49, fma(re_2_1, t118, fma(im_2_0, t43, fma(re_2_0, t123, fma(im_2_m1, t62, fma(im_2_m2, t58, fma(re_2_m2, t113, t199)))))))));
+        let t206 = fma(-im_2_m1, t58, fma(-re_2_m1, t113, fma(-im_2_0, t62, fma(-re_2_0, t25, fma(-im_2_1, t43, fma(-re_2_1, t123, fma(-im_2_2, t49, fma(-re_2_2, t118, t205))))))));
+        let t207 = fma(self.c14, fma(-im_2_m2, t19, fma(-re_2_m2, t108, t206)), fma(-self.c15, fma(re_1_2, t94, t204), fma(-im_0_2, t75 - t137, fma(im_0_1, t138, fma(t79, t84, re_0_1 * t129)))));
+        let t208 = fma(t89, fma(self.c14, fma(-re_1_m1, t25, t152), fma(-self.c15, fma(-re_2_m1, t98, t149), fma(-im_1_m2, t58 - t137, fma(im_2_1, t146, fma(-t85, t113, re_2_1 * t89))))), -(t133 * (R::from_f64(0.25) * t137)));
+        let t209 = fma(-t94, fma(self.c14, fma(-re_0_1, t98, t159), fma(-self.c15, fma(-im_2_2, t71, t156), fma(-im_1_0, t19 - t137, fma(im_2_0, t153, fma(-t90, t108, -(re_2_0 * t94)))))), t208);
+        let t210 = fma(-t104, fma(self.c14, fma(-re_0_1, t98, t172), fma(-self.c15, fma(re_2_2, t94, t170), fma(-im_1_2, t49 - t137, fma(im_2_m1, t168, fma(-t99, t118, -(re_2_m1 * t104)))))), fma(t98, t167, t209));
+        let t211 = fma(t118, fma(self.c14, t188 + t180, fma(-self.c15, fma(re_2_0, t84, t186), fma(-im_2_m1, t71 - t137, fma(im_1_2, t168, fma(t99, t104, re_1_2 * t118))))), fma(t108, t183, fma(t113, t177, t210)));
+        let t212 = fma(t123, fma(self.c14, fma(-re_0_2, t108, t195), fma(-self.c15, fma(-im_2_2, t75, t192), fma(-im_2_m2, t78 - t137, fma(im_1_m1, t189, fma(t119, t126, re_1_m1 * t123))))), t211);
+        let t213 = fma(im_2_1, t89, im_1_m2 * t113);
+        let t214 = t37 + t58;
+        let t215 = re_2_m1 * t31;
+        let t216 = fma(re_0_2, t43, fma(re_1_0, t49, fma(im_1_0, t118, fma(re_1_1, t43, fma(im_1_1, t123, fma(re_2_m2, t54, fma(im_2_m2, t98, fma(-im_2_m1, t94, fma(re_2_m1, t67, t215)))))))));
+        let t217 = fma(-im_2_m2, t129, fma(re_2_m2, t31, fma(-im_1_1, t94, fma(re_1_1, t67, fma(re_1_0, t54, fma(im_1_0, t98, fma(re_0_2, t49, fma(im_0_2, t118, fma(-im_0_2, t123, t216)))))))));
+        let t218 = re_2_2 * t75;
+        let t219 = fma(re_0_1, t62, fma(re_1_m1, t19, fma(im_1_m1, t108, fma(re_1_2, t62, fma(im_1_2, t25, fma(-im_2_0, t126, fma(re_2_0, t78, fma(-im_2_2, t104, fma(re_2_2, t71, t218)))))))));
+        let t220 = fma(-im_2_0, t84, fma(re_2_0, t75, fma(-im_1_2, t126, fma(re_1_2, t78, fma(-im_1_m1, t104, fma(re_1_m1, t71, fma(re_0_1, t19, fma(im_0_1, t108, fma(-im_0_1, t25, t219)))))))));
+        let t221 = fma(im_2_2, t98, im_1_1 * t25);
+        let t222 = t54 + t62;
+        let t223 = fma(re_0_2, t49, fma(re_1_m2, t19, fma(im_1_m2, t108, fma(re_1_m1, t49, fma(im_1_m1, t118, fma(-im_2_m1, t126, fma(re_2_m1, t78, fma(re_2_0, t37, fma(im_2_0, t89, t215)))))))));
+        let t224 = fma(im_2_0, t129, fma(-im_2_m1, t129, fma(re_1_m1, t37, fma(im_1_m1, t89, fma(-im_1_m2, t126, fma(re_1_m2, t78, fma(re_0_2, t19, fma(im_0_2, t108, fma(-im_0_2, t118, t223)))))))));
+        let t225 = im_2_1 * t84;
+        let t226 = fma(re_0_1, t43, fma(re_1_0, t43, fma(im_1_0, t123, fma(re_1_2, t58, fma(im_1_2, t113, fma(-im_2_m2, t94, fma(re_2_m2, t67, fma(-im_2_1, t104, fma(re_2_1, t71, -t225)))))))));
+        let t227 = fma(re_2_m2, t75, fma(im_2_m2, t84, fma(-im_1_2, t94, fma(re_1_2, t67, fma(-im_1_0, t104, fma(re_1_0, t71, fma(re_0_1, t58, fma(im_0_1, t113, fma(-im_0_1, t123, t226)))))))));
+        let t228 = fma(-im_2_0, t94, im_1_0 * t108);
+        let t229 = t19 + t67;
+        let t230 = im_2_2 * t129;
+        let t231 = fma(re_0_2, t62, fma(re_1_m2, t62, fma(im_1_m2, t25, fma(re_1_2, t43, fma(im_1_2, t123, fma(-im_2_m2, t104, fma(re_2_m2, t71, fma(re_2_2, t37, fma(im_2_2, t89, -t230)))))))));
+        let t232 = fma(re_2_m2, t31, fma(im_2_m2, t129, fma(re_1_2, t37, fma(im_1_2, t89, fma(-im_1_m2, t104, fma(re_1_m2, t71, fma(re_0_2, t43, fma(im_0_2, t123, fma(-im_0_2, t25, t231)))))))));
+        let t233 = fma(re_0_1, t58, fma(re_1_m1, t58, fma(im_1_m1, t113, fma(re_1_1, t49, fma(im_1_1, t118, fma(re_2_m1, t54, fma(im_2_m1, t98, fma(-im_2_1, t126, fma(re_2_1, t78, t225)))))))));
+        let t234 = fma(-im_2_m1, t84, fma(re_2_m1, t75, fma(-im_1_1, t126, fma(re_1_1, t78, fma(re_1_m1, t54, fma(im_1_m1, t98, fma(re_0_1, t49, fma(im_0_1, t118, fma(-im_0_1, t113, t233)))))))));
+        let t235 = fma(-im_2_m1, t104, im_1_2 * t118);
+        let t236 = t49 + t71;
+        let t237 = fma(re_0_2, t58, fma(re_1_m1, t62, fma(im_1_m1, t25, fma(re_1_0, t58, fma(im_1_0, t113, fma(-im_2_1, t94, fma(re_2_1, t67, fma(-im_2_2, t126, fma(re_2_2, t78, t230)))))))));
+        let t238 = fma(-im_2_1, t129, fma(re_2_1, t31, fma(-im_1_0, t126, fma(re_1_0, t78, fma(-im_1_m1, t94, fma(re_1_m1, t67, fma(re_0_2, t62, fma(im_0_2, t25, fma(-im_0_2, t113, t237)))))))));
+        let t239 = re_1_1 * t37;
+        let t240 = fma(re_0_1, t19, fma(re_1_m2, t43, fma(im_1_m2, t123, fma(re_1_1, t19, fma(im_1_1, t108, fma(re_2_m2, t37, fma(im_2_m2, t89, fma(re_2_0, t54, fma(im_2_0, t98, t239)))))))));
+        let t241 = fma(im_2_0, t84, fma(-im_2_m2, t84, fma(re_2_m2, t75, fma(im_1_1, t89, fma(re_1_m2, t54, fma(im_1_m2, t98, fma(re_0_1, t43, fma(im_0_1, t123, fma(-im_0_1, t108, t240)))))))));
+        let t242 = fma(-im_2_m2, t126, im_1_m1 * t123);
+        let t243 = t43 + t78;
+        let t244 = re_1_2 * t54;
+        let t245 = fma(re_0_2, t19, fma(re_1_1, t58, fma(im_1_1, t113, fma(re_1_2, t19, fma(im_1_2, t108, fma(-im_2_0, t104, fma(re_2_0, t71, fma(re_2_1, t54, fma(im_2_1, t98, t244)))))))));
+        let t246 = fma(im_2_1, t129, fma(-im_2_0, t129, fma(re_2_0, t31, fma(im_1_2, t98, fma(-im_1_1, t104, fma(re_1_1, t71, fma(re_0_2, t58, fma(im_0_2, t113, fma(-im_0_2, t108, t245)))))))));
+        let t247 = fma(re_0_1, t49, fma(re_1_m2, t49, fma(im_1_m2, t118, fma(re_1_0, t62, fma(im_1_0, t25, fma(re_2_m1, t37, fma(im_2_m1, t89, fma(-im_2_2, t94, fma(re_2_2, t67, t218)))))))));
+        let t248 = fma(re_2_m1, t75, fma(im_2_m1, t84, fma(re_1_0, t37, fma(im_1_0, t89, fma(-im_1_m2, t94, fma(re_1_m2, t67, fma(re_0_1, t62, fma(im_0_1, t25, fma(-im_0_1, t118, t247)))))))));
+        let t249 = im_1_1 * t84;
+        let t250 = fma(re_0_1, t37, fma(-im_1_m2, t108, fma(re_1_m2, t19, fma(-im_1_1, t123, fma(re_1_1, t43, fma(re_2_m2, t19, fma(im_2_m2, t108, fma(re_2_0, t43, fma(im_2_0, t123, -t249)))))))));
+        let t251 = fma(re_2_0, t37, fma(-im_2_m2, t98, fma(re_2_m2, t54, fma(re_1_1, t75, fma(re_1_m2, t75, fma(im_1_m2, t84, fma(re_0_1, t54, fma(im_0_1, t98, fma(-im_0_1, t89, t250)))))))));
+        let t252 = re_1_0 * t31;
+        let t253 = fma(im_0_2, t126, fma(-im_1_m1, t113, fma(re_1_m1, t58, fma(-im_1_0, t25, fma(re_1_0, t62, fma(re_2_1, t62, fma(im_2_1, t25, fma(re_2_2, t58, fma(im_2_2, t113, t252)))))))));
+        let t254 = fma(im_2_2, t94, fma(re_2_1, t78, fma(im_2_1, t126, fma(im_1_0, t129, fma(-im_1_m1, t129, fma(re_1_m1, t31, fma(-im_0_2, t94, fma(re_0_2, t67, fma(re_0_2, t78, t253)))))))));
+        let t255 = re_1_2 * t75;
+        let t256 = fma(im_0_1, t104, fma(-im_1_0, t113, fma(re_1_0, t58, fma(-im_1_2, t123, fma(re_1_2, t43, fma(re_2_m2, t58, fma(im_2_m2, t113, fma(re_2_1, t43, fma(im_2_1, t123, t255)))))))));
+        let t257 = fma(im_2_1, t94, fma(re_2_m2, t71, fma(im_2_m2, t104, fma(im_1_2, t84, fma(-im_1_0, t84, fma(re_1_0, t75, fma(-im_0_1, t94, fma(re_0_1, t67, fma(re_0_1, t71, t256)))))))));
+        let t258 = im_1_m2 * t129;
+        let t259 = fma(-im_1_m2, t118, fma(re_1_m2, t49, fma(-im_1_m1, t108, fma(re_1_m1, t19, fma(re_2_m1, t19, fma(im_2_m1, t108, fma(re_2_0, t49, fma(im_2_0, t118, -t258))))))));
+        let t260 = fma(-im_2_m1, t89, fma(re_2_m1, t37, fma(re_1_m1, t31, fma(im_1_m1, t129, fma(re_1_m2, t31, fma(-im_0_2, t126, fma(re_0_2, t78, fma(-im_0_2, t89, fma(re_0_2, t37, t259)))))))));
+        let t261 = fma(re_0_1, t54, fma(-im_1_m1, t118, fma(re_1_m1, t49, fma(-im_1_1, t113, fma(re_1_1, t58, fma(re_2_m1, t58, fma(im_2_m1, t113, fma(re_2_1, t49, fma(im_2_1, t118, t249)))))))));
+        let t262 = fma(re_2_1, t54, fma(re_2_m1, t78, fma(im_2_m1, t126, fma(re_1_1, t75, fma(-im_1_m1, t84, fma(re_1_m1, t75, fma(-im_0_1, t126, fma(re_0_1, t78, fma(-im_0_1, t98, t261)))))))));
+        let t263 = fma(im_0_2, t104, fma(-im_1_m2, t123, fma(re_1_m2, t43, fma(-im_1_2, t25, fma(re_1_2, t62, fma(re_2_m2, t62, fma(im_2_m2, t25, fma(re_2_2, t43, fma(im_2_2, t123, t258)))))))));
+        let t264 = fma(im_2_2, t104, fma(-im_2_m2, t89, fma(re_2_m2, t37, fma(-im_1_2, t129, fma(re_1_2, t31, fma(re_1_m2, t31, fma(re_0_2, t37, fma(im_0_2, t89, fma(re_0_2, t71, t263)))))))));
+        let t265 = re_2_m1 * t62;
+        let t266 = fma(re_0_1, t67, fma(im_0_1, t94, fma(-im_1_m2, t25, fma(re_1_m2, t62, fma(-im_1_0, t118, fma(re_1_0, t49, fma(im_2_m1, t25, fma(re_2_2, t49, fma(im_2_2, t118, t265)))))))));
+        let t267 = fma(re_2_2, t37, fma(re_2_m1, t67, fma(im_2_m1, t94, fma(re_1_0, t75, fma(im_1_0, t84, fma(-im_1_m2, t84, fma(re_1_m2, t75, fma(re_0_1, t37, fma(im_0_1, t89, t266)))))))));
+        let t268 = im_1_1 * t129;
+        let t269 = fma(re_0_2, t54, fma(-im_1_1, t108, fma(re_1_1, t19, fma(-im_1_2, t113, fma(re_1_2, t58, fma(re_2_0, t58, fma(im_2_0, t113, fma(re_2_1, t19, fma(im_2_1, t108, -t268)))))))));
+        let t270 = fma(im_2_1, t104, fma(-im_2_0, t98, fma(re_2_0, t54, fma(re_1_2, t31, fma(im_1_2, t129, fma(re_1_1, t31, fma(-im_0_2, t104, fma(re_0_2, t71, fma(-im_0_2, t98, t269)))))))));
+        let t271 = fma(im_0_1, t126, fma(-im_1_m1, t25, fma(re_1_m1, t62, fma(-im_1_2, t108, fma(re_1_2, t19, fma(re_2_0, t62, fma(im_2_0, t25, fma(re_2_2, t19, fma(im_2_2, t108, t255)))))))));
+        let t272 = fma(im_2_2, t126, fma(re_2_0, t71, fma(im_2_0, t104, fma(-im_1_2, t84, fma(re_1_m1, t75, fma(im_1_m1, t84, fma(-im_0_1, t104, fma(re_0_1, t71, fma(re_0_1, t78, t271)))))))));
+        let t273 = re_2_m2 * t49;
+        let t274 = fma(re_0_2, t67, fma(im_0_2, t94, fma(-im_1_0, t123, fma(re_1_0, t43, fma(-im_1_1, t118, fma(re_1_1, t49, fma(im_2_m2, t118, fma(re_2_m1, t43, fma(im_2_m1, t123, t273)))))))));
+        let t275 = fma(-im_2_m1, t98, fma(re_2_m1, t54, fma(re_2_m2, t67, fma(im_2_m2, t94, fma(re_1_1, t31, fma(-im_1_0, t129, fma(re_0_2, t54, fma(im_0_2, t98, t274)))))))) + t252;
+        let t276 = fma(-im_0_2, t84, im_0_1 * t129);
+        let t277 = t31 + t75;
+        let t278 = fma(re_2_m2, t19, fma(-im_2_m1, t113, fma(re_2_m1, t58, fma(-im_2_0, t25, fma(re_2_0, t62, fma(-im_2_1, t123, fma(re_2_1, t43, fma(-im_2_2, t118, fma(re_2_2, t49, t265)))))))));
+        let t279 = fma(-im_2_1, t118, fma(re_2_1, t49, fma(-im_2_0, t123, fma(re_2_0, t43, fma(-im_2_m1, t25, fma(-im_2_m2, t113, fma(re_2_m2, t58, fma(-im_2_m2, t108, t278))))))));
+        let t280 = fma(re_1_m2, t67, fma(im_1_m2, t94, fma(-im_1_m1, t98, fma(re_1_m1, t54, fma(re_1_0, t71, fma(im_1_0, t104, fma(-im_1_1, t89, fma(re_1_2, t78, fma(im_1_2, t126, t239)))))))));
+        let t281 = fma(im_1_2, t94, fma(re_1_1, t78, fma(im_1_1, t126, fma(-im_1_0, t89, fma(re_1_0, t37, fma(re_1_m1, t71, fma(im_1_m1, t104, fma(-im_1_m2, t98, fma(re_1_m2, t54, t280)))))))));
+        let t282 = fma(self.c15, fma(re_1_2, t67, t281), fma(self.c14, fma(-im_2_2, t108, fma(re_2_2, t19, t279)), fma(re_0_2, t75 + t137, fma(re_0_1, t277, fma(-im_0_1, t84, t276)))));
+        let t283 = fma(t62, fma(self.c15, fma(re_2_1, t75, t227), fma(self.c14, fma(re_2_0, t31, t224), fma(re_2_2, t54 + t137, fma(re_1_1, t222, fma(im_1_1, t98, t221))))), t58 * fma(self.c15, fma(im_2_2, t84, t220), fma(self.c14, fma(im_2_m1, t129, t217), fma(re_2_1, t37 + t137, fma(re_1_m2, t214, fma(im_1_m2, t89, t213))))));
+        let t284 = fma(t19, fma(self.c15, fma(re_2_1, t75, t234), fma(self.c14, fma(re_2_2, t31, t232), fma(re_2_0, t67 + t137, fma(re_1_0, t229, fma(-im_1_0, t94, t228))))), t283);
+        let t285 = fma(t49, fma(self.c15, fma(re_2_0, t75, t241), fma(self.c14, fma(re_2_2, t31, t238), fma(re_2_m1, t71 + t137, fma(re_1_2, t236, fma(-im_1_2, t104, t235))))), t284);
+        let t286 = fma(t43, fma(self.c15, fma(-im_2_2, t84, t248), fma(self.c14, fma(re_2_1, t31, t246), fma(re_2_m2, t78 + t137, fma(re_1_m1, t243, fma(-im_1_m1, t126, t242))))), t285);
+        let t287 = fma(t71, fma(self.c15, fma(re_2_2, t67, t254), fma(self.c14, fma(-im_2_0, t89, t251), fma(re_1_2, t49 + t137, fma(re_2_m1, t236, fma(im_2_m1, t118, -t235))))), t286);
+        let t288 = fma(t54, fma(self.c15, fma(re_2_0, t78, fma(im_2_0, t126, t260)), fma(self.c14, fma(re_2_1, t67, t257), fma(re_1_1, t62 + t137, fma(re_2_2, t222, t26) - t221))), t287);
+        let t289 = fma(t67, fma(self.c15, fma(re_2_2, t71, t264), fma(self.c14, fma(-im_2_1, t98, t262), fma(re_1_0, t19 + t137, fma(re_2_0, t229, fma(im_2_0, t108, -t228))))), t288);
+        let t290 = fma(t78, fma(self.c15, fma(re_2_1, t71, t270), fma(self.c14, fma(-im_2_2, t89, t267), fma(re_1_m1, t43 + t137, fma(re_2_m2, t243, fma(im_2_m2, t123, -t242))))), t289);
+        let t291 = fma(t31, t282, fma(t37, fma(self.c15, t275 + t268, fma(self.c14, fma(re_2_2, t78, t272), fma(re_1_m2, t58 + t137, fma(re_2_1, t214, fma(im_2_1, t113, -t213))))), t290));
+        let t292 = fma(im_1_m2, t126, fma(re_1_m1, t67, fma(im_1_m1, t94, fma(-im_1_0, t98, fma(re_1_0, t54, fma(re_1_1, t71, fma(im_1_1, t104, fma(-im_1_2, t89, fma(re_1_2, t37, t244)))))))));
+        let t293 = fma(re_1_1, t67, fma(im_1_1, t94, fma(re_1_0, t78, fma(im_1_0, t126, fma(-im_1_m1, t89, fma(re_1_m1, t37, fma(re_1_m2, t71, fma(im_1_m2, t104, fma(re_1_m2, t78, t292)))))))));
+        let t294 = fma(-im_2_m2, t118, fma(-im_2_m1, t108, fma(re_2_m1, t19, fma(-im_2_0, t113, fma(re_2_0, t58, fma(-im_2_1, t25, fma(re_2_1, t62, fma(-im_2_2, t123, fma(re_2_2, t43, t273)))))))));
+        let t295 = fma(re_2_2, t58, fma(-im_2_1, t108, fma(re_2_1, t19, fma(-im_2_0, t118, fma(re_2_0, t49, fma(-im_2_m1, t123, fma(re_2_m1, t43, fma(-im_2_m2, t25, fma(re_2_m2, t62, t294)))))))));
+        let t296 = fma(im_1_2, t58, fma(-re_1_2, t113, fma(-im_0_1, t58, fma(re_0_1, t113, fma(im_0_1, t43, fma(re_0_1, t123, fma(im_2_m2, t67, fma(re_2_m2, t94, fma(im_2_1, t71, t196)))))))));
+        let t297 = fma(-im_2_1, t75, fma(-re_2_1, t84, fma(re_2_m2, t84, fma(-im_1_2, t67, fma(-re_1_2, t94, fma(-im_1_0, t71, fma(-re_1_0, t104, fma(im_1_0, t43, fma(-re_1_0, t123, t296)))))))));
+        let t298 = fma(-re_1_m1, t89, fma(im_1_m1, t37, fma(im_1_m2, t78, fma(re_1_m2, t126, fma(-im_1_m2, t19, fma(re_1_m2, t108, fma(-im_1_m1, t49, fma(re_1_m1, t118, t193))))))));
+        let t299 = fma(-re_0_2, t118, fma(-im_2_m1, t78, fma(-re_2_m1, t126, fma(re_2_0, t89, fma(-im_2_0, t37, fma(-re_2_0, t129, fma(im_2_0, t31, fma(im_2_m1, t31, fma(re_2_m1, t129, t298)))))))));
+        let t300 = fma(self.c14, fma(-re_0_2, t108, fma(-im_0_2, t49, t299)), fma(-self.c15, t297 - t184, fma(-im_2_2, t54 - t137, fma(im_1_1, t160, fma(-t20, t98, re_1_1 * t25)))));
+        let t301 = fma(-t300, R::from_f64(8.0) * t25, fma(t136, fma(self.c15, fma(-im_2_2, t113, t295), fma(self.c14, fma(-im_1_2, t98, t293), fma(re_0_1, t31 + t137, fma(re_0_2, t277, t130) - t276))), t135 * t145));
         [
-            fma(t3, R::from_f64(2.0), fma(re_2_0, t9, fma(re_2_m1, t8, fma(re_2_m2, t7, fma(re_1_1, t6, fma(re_1_m2, t5, re_0_2 * t4)))))),
-            fma(R::from_f64(4.0), fma(-im_0_2, t100, fma(im_1_m1, t98, t101)), fma(t47, R::from_f64(2.0), fma(-im_2_2, t129, fma(t9, t125, fma(t8, t122, fma(t7, t118, fma(t6, t113, fma(t5, t109, t4 * t106)))))))),
-            fma(R::from_f64(4.0), t132 * t132, fma(R::from_f64(2.0), fma(t40, t40, t131), R::from_f64(8.0) * fma(t53, t53, t130))),
-            fma(R::from_f64(2.0), fma(t28, t283, fma(t125, t248, fma(t40, t306, fma(t106, t301, t308)))), fma(R::from_f64(4.0), fma(t132, fma(-im_2_2, t135, t190), t223), -(t129 * t313))),
+            t13,
+            t133,
+            fma(R::from_f64(8.0), fma(t31, t31, fma(t37, t37, fma(t78, t78, fma(t67, t67, fma(t54, t54, fma(t71, t71, fma(t43, t43, fma(t49, t49, fma(t19, t19, fma(t62, t62, t58 * t58)))))))))), fma(R::from_f64(8.0), t134, fma(R::from_f64(4.0), t137 * t137, fma(t75, t136, t84 * t135)))),
+            fma(R::from_f64(8.0), t291, fma(-R::from_f64(8.0), fma(t129, t207, fma(-t126, t202, t212)), t301)),
         ]
     }
 
@@ -755,7 +741,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[24] {
     c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20, c21, c22,
-    c23, c24, c25, c26, c27, c28, c29,
+    c23, c24, c25, c26, c27,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
