@@ -10,6 +10,7 @@ mod balance;
 mod bracket;
 mod chart;
 mod coefficients;
+mod components;
 mod condensed;
 mod constrained;
 mod curvature;

@@ -8,8 +8,9 @@ use std::rc::Rc;
 use num_traits::{One, Signed};
 
 use crate::reduction::ReducedSystem;
-use hamel_expr::{ExprId, Graph, Node, Partials, Rational, SymbolId};
+use hamel_expr::{ExprId, Graph, Node, Rational, SymbolId};
 
+use super::components::{Component, Components};
 use super::limits::{MAX_RANK, MAX_SINGLES, MAX_TRIALS};
 use super::sizes::scale;
 
@@ -56,20 +57,6 @@ enum Turning {
     With([ExprId; 3]),
     /// The square is that of the angular velocity itself.
     Own,
-}
-
-/// A component of a velocity, affine in the velocities of the system.
-#[derive(Clone, Debug)]
-pub(super) struct Component {
-    /// In the raw velocities.
-    pub(super) value: ExprId,
-    /// `v_alpha`.
-    pub(super) slopes: Vec<ExprId>,
-    /// Whether there is a `v_0`.
-    has_offset: bool,
-    /// `rho_beta(v_alpha) - rho_alpha(v_beta) + C^gamma_{alpha beta} v_gamma` for `alpha < beta`, by `beta` and
-    /// `alpha`.
-    torsion: Vec<Vec<ExprId>>,
 }
 
 /// Components of the velocity of a point.
@@ -168,8 +155,7 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bo
     let varying: BTreeSet<SymbolId> =
         velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
     let mut squares = Vec::new();
-    let mut partials = Partials::default();
-    let movers = movers(g, system);
+    let mut components_of = Components::new(g, system);
     let mut rest: Vec<Other> = Vec::new();
     let (summands, products) = summands(g, system, &velocities, &varying);
     // A vector with a number for its mass is part of the Lagrangian's own sum, and several of one mass may be one sum.
@@ -180,8 +166,7 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem, with_spins: bo
         let found = squared(g, term, q, &varying);
         let found = found.filter(|(_, v)| v.iter().any(|v| g.depends_on(*v, &velocities)));
         let found = found.and_then(|(weight, v)| {
-            let components =
-                v.into_iter().map(|v| Component::new(g, &mut partials, (system, &movers), v).map(Rc::new));
+            let components = v.into_iter().map(|v| components_of.find(g, v).map(Rc::new));
             let components = components.collect::<Option<Vec<_>>>();
             Some((weight, components?))
         });
@@ -408,92 +393,6 @@ fn rational_root(g: &mut Graph, q: &Rational) -> Option<ExprId> {
     Some(root)
 }
 
-/// The coordinates that each section of the frame moves, with their rates.
-type Movers = Vec<Vec<(SymbolId, ExprId)>>;
-
-fn movers(g: &Graph, system: &ReducedSystem) -> Movers {
-    let algebroid = &system.algebroid;
-    let of_section = |alpha: usize| {
-        let rates = algebroid.base().iter().enumerate().map(|(i, x)| (*x, algebroid.anchor(i, alpha)));
-        rates.filter(|(_, rate)| *rate != g.zero()).collect()
-    };
-    (0..algebroid.rank()).map(of_section).collect()
-}
-
-impl Component {
-    /// None where the value is not affine in the velocities, or changes with time other than with the frame:
-    /// `dv_alpha/dt = N^gamma_alpha v_gamma`, which is the torsion with `d/dt`.
-    fn new(
-        g: &mut Graph,
-        partials: &mut Partials,
-        (system, movers): (&ReducedSystem, &Movers),
-        value: ExprId,
-    ) -> Option<Component> {
-        let algebroid = &system.algebroid;
-        let m = algebroid.rank();
-        let (slopes, offset) = g.affine_parts_by(partials, value, &system.velocities)?;
-        let mut apart = vec![partials.diff(g, offset, system.time)];
-        for (alpha, slope) in slopes.iter().enumerate() {
-            let mut rate = partials.diff(g, *slope, system.time);
-            for (gamma, n) in algebroid.drift(alpha) {
-                let carried = g.mul(*n, slopes[*gamma]);
-                rate = g.sub(rate, carried);
-            }
-            apart.push(rate);
-        }
-        if apart.into_iter().any(|rate| !g.is_zero(rate)) {
-            return None;
-        }
-        for alpha in 0..m {
-            let along = algebroid.derivative_along(g, alpha, offset);
-            if !g.is_zero(along) {
-                return None;
-            }
-        }
-        // Of a chain most slopes mention nothing that moves.
-        let mentioned: Vec<BTreeSet<SymbolId>> = slopes.iter().map(|e| g.free_symbols(*e)).collect();
-        let mut along = |g: &mut Graph, section: usize, of: usize| {
-            let mut terms = Vec::new();
-            for (x, rate) in movers[section].iter().filter(|(x, _)| mentioned[of].contains(x)) {
-                let slope = partials.diff(g, slopes[of], *x);
-                terms.push(g.mul(*rate, slope));
-            }
-            if terms.is_empty() { g.zero() } else { g.sum(&terms) }
-        };
-        let zero = g.zero();
-        let mut torsion = Vec::with_capacity(m);
-        for beta in 0..m {
-            let mut row = Vec::with_capacity(beta);
-            for alpha in 0..beta {
-                let forward = along(g, beta, alpha);
-                let backward = along(g, alpha, beta);
-                let bracket = algebroid.bracket(g, alpha, beta);
-                if forward == zero && backward == zero && bracket.is_empty() {
-                    row.push(zero);
-                    continue;
-                }
-                let mut terms = vec![forward, g.neg(backward)];
-                for (gamma, c) in bracket {
-                    terms.push(g.mul(c, slopes[gamma]));
-                }
-                let sum = g.sum(&terms);
-                row.push(g.cancel_zero(sum));
-            }
-            torsion.push(row);
-        }
-        Some(Component { value, slopes, has_offset: offset != g.zero(), torsion })
-    }
-
-    fn times(&self, g: &mut Graph, factor: ExprId) -> Component {
-        Component {
-            value: g.mul(factor, self.value),
-            slopes: self.slopes.iter().map(|e| g.mul(factor, *e)).collect(),
-            has_offset: self.has_offset,
-            torsion: self.torsion.iter().map(|row| row.iter().map(|e| g.mul(factor, *e)).collect()).collect(),
-        }
-    }
-}
-
 /// The square with the frame of its components, if they have one; symbols alone gain nothing.
 fn square(g: &mut Graph, weight: ExprId, components: &[Rc<Component>]) -> Option<Square> {
     if components.iter().all(|c| matches!(g.node(c.value), Node::Symbol(_))) {
@@ -567,9 +466,8 @@ fn spin(g: &mut Graph, singles: &[Single], first: usize) -> Option<[usize; 3]> {
     let pairs = places.iter().flat_map(|a| places.iter().filter(move |b| *b != a).map(move |b| (*a, *b)));
     for (second, third) in pairs {
         let omega = [first, second, third].map(|k| &singles[k].component);
-        let is_spin = are_spin(g, omega);
-        let turns = omega.iter().any(|c| c.torsion.iter().flatten().any(|e| *e != g.zero()));
-        if is_spin && turns && omega.iter().all(|c| !c.has_offset) {
+        let may_turn = omega.iter().any(|c| c.has_torsion) && omega.iter().all(|c| !c.has_offset);
+        if may_turn && are_spin(g, omega) {
             return Some([first, second, third]);
         }
     }
