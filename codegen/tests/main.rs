@@ -24,6 +24,7 @@ mod explain;
 mod first_order;
 mod fluids;
 mod frames;
+mod free_loops;
 mod fuzz;
 mod groups;
 mod imports;

@@ -201,6 +201,25 @@ pub(crate) struct Robot {
 }
 
 impl Robot {
+    /// The joints from the root to a link.
+    pub(crate) fn chain(&self, link: usize) -> Vec<usize> {
+        let mut chain = Vec::new();
+        let mut at = link;
+        while let Some(k) = self.joints.iter().position(|joint| joint.child == at) {
+            chain.push(k);
+            at = self.joints[k].parent;
+        }
+        chain.reverse();
+        chain
+    }
+
+    /// The joints on both ways from the last link that the ends of a loop share.
+    pub(crate) fn around(&self, closed: &Loop) -> [Vec<usize>; 2] {
+        let [a, b] = [closed.first.0, closed.second.link].map(|link| self.chain(link));
+        let n_shared = a.iter().zip(&b).take_while(|(a, b)| a == b).count();
+        [a[n_shared..].to_vec(), b[n_shared..].to_vec()]
+    }
+
     /// Gravity of the Earth along the third axis.
     pub(crate) fn earth() -> [Number; 3] {
         let g = Number { text: "-9.81".to_owned(), value: -9.81, ..Number::zero() };

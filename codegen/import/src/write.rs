@@ -372,6 +372,8 @@ impl Writer<'_> {
         self.declare_frame_of(k);
         let free = self.floats.of(link);
         self.motion.free(&mut self.out, joint, &name, (&free.spin, &free.velocity));
+        let (place, attitude) = free.pose();
+        self.moved[k] = Some((Some(place.to_owned()), Some(attitude.to_owned())));
         self.floating(link, &start);
     }
 
