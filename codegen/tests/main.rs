@@ -15,6 +15,7 @@ mod certify;
 mod chains;
 mod circles;
 mod closed_loops;
+mod closing_joints;
 mod digits;
 mod dirac;
 mod discrete;

@@ -5,7 +5,8 @@
 //! with a free motion begins in space, and so does the other one. Of
 //! two frames the rotation `T = A^T B` from one to the other is the identity: its antisymmetric part vanishes, three
 //! equations that are independent there. It leaves an axis `a` where that is if `a x T a = 0`: two components of these,
-//! as the one of the largest component of `a` follows. Where everything turns about one axis of coordinates, equations
+//! as the one of the largest component of `a` follows. A cross between axes `a`, `b` of both keeps `a . T b`; a slide
+//! along `a` keeps `T` and `a x A^T (other - one)`. Where everything turns about one axis of coordinates, equations
 //! along it are left out, as they always hold.
 //!
 //! Deliberately does not know: XML, energies.
@@ -19,7 +20,8 @@ use crate::robot::{End, Held, JointKind, Loop, Pose, Robot};
 use crate::rotation::{Axis, Rotation, Turn};
 
 /// Everything that is named after a loop, beside the parameters of its places.
-pub(crate) const OF_LOOP: [&str; 7] = ["*", "one_*", "other_*", "held_*", "turn_*", "across_*", "attitude_*"];
+pub(crate) const OF_LOOP: [&str; 8] =
+    ["*", "one_*", "other_*", "held_*", "turn_*", "across_*", "beside_*", "attitude_*"];
 
 /// The joints from the shared link to one end.
 #[derive(Clone, Debug)]
@@ -83,6 +85,8 @@ impl Loops<'_> {
         let held = match &closed.held {
             Held::Point => "a point",
             Held::Axis(_) => "an axis",
+            Held::Cross(..) => "the centre of a cross",
+            Held::Slide(_) => "a line with its frame",
             Held::Frame => "a frame",
         };
         let mut out =
@@ -105,12 +109,44 @@ impl Loops<'_> {
                 format!("[{}]", entries.join(", "))
             }
         };
-        _ = writeln!(out, "constraint {name}: {} = {};", of("one"), of("other"));
+        match &closed.held {
+            Held::Slide(axis) => out.push_str(&self.beside(closed, ways, axis, plane, name)),
+            _ => _ = writeln!(out, "constraint {name}: {} = {};", of("one"), of("other")),
+        }
         out.push_str(&self.attitude(closed, ways, &turn, plane, name));
         out
     }
 
-    /// That the rotation between two frames is the identity, or leaves an axis where it is.
+    /// That one origin is beside the other nowhere but along an axis of the first frame.
+    fn beside(
+        &self,
+        closed: &Loop,
+        ways: &[Way; 2],
+        axis: &Axis,
+        plane: Option<usize>,
+        name: &str,
+    ) -> String {
+        let mut one = self.turning(ways, 0);
+        one.extend(closed.first.1.turn.text());
+        let apart = format!("other_{name} - one_{name}");
+        let apart = if one.is_empty() { apart } else { format!("transpose({})*({apart})", one.join("*")) };
+        let mut out = format!("let beside_{name} = cross({}, {apart});\n", axis.vector);
+        let along = axis.along.map(|(k, _)| k);
+        // In the plane, a line along it has one equation, and the axis across it two.
+        let kept: Vec<usize> = match plane {
+            Some(k) if along != Some(k) => vec![k],
+            // Of an axis that is written in another frame the largest component is not known.
+            _ => (0..3).filter(|k| axis.frame().is_some() || *k != axis.largest).collect(),
+        };
+        let entries: Vec<String> = kept.iter().map(|k| format!("beside_{name}[{}]", k + 1)).collect();
+        _ = match &entries[..] {
+            [entry] => writeln!(out, "constraint {name}: {entry} = 0;"),
+            _ => writeln!(out, "constraint {name}: [{}] = 0;", entries.join(", ")),
+        };
+        out
+    }
+
+    /// That the rotation between two frames is the identity, leaves an axis where it is, or the angle between two axes.
     fn attitude(
         &self,
         closed: &Loop,
@@ -124,7 +160,8 @@ impl Loops<'_> {
         let is_kept = match &closed.held {
             Held::Point => true,
             Held::Axis(axis) => plane.is_some() && along(axis) == plane,
-            Held::Frame => false,
+            Held::Cross(axis, other) => plane.is_some() && [axis, other].iter().any(|a| along(a) == plane),
+            Held::Frame | Held::Slide(_) => false,
         };
         if is_kept || !ways.iter().any(turns) {
             return String::new();
@@ -132,7 +169,7 @@ impl Loops<'_> {
         // An axis is told in the frame in which it was written.
         let frame = match &closed.held {
             Held::Axis(axis) => axis.frame().cloned(),
-            Held::Point | Held::Frame => None,
+            Held::Point | Held::Frame | Held::Cross(..) | Held::Slide(_) => None,
         };
         let mut one = self.turning(ways, 0);
         one.extend(closed.first.1.turn.text().into_iter().chain(frame.clone()));
@@ -141,6 +178,11 @@ impl Loops<'_> {
         let back = (!one.is_empty()).then(|| format!("transpose({})", one.join("*")));
         let factors: Vec<String> = back.into_iter().chain(other).collect();
         let mut out = format!("let turn_{name} = {};\n", factors.join("*"));
+        if let Held::Cross(axis, other) = &closed.held {
+            let [a, b] = [&axis.vector, &other.vector];
+            _ = writeln!(out, "constraint attitude_{name}: dot({a}, turn_{name}*{b}) = dot({a}, {b});");
+            return out;
+        }
         let others = |k: usize| [(k + 1) % 3 + 1, (k + 2) % 3 + 1];
         let entry = |i: usize, j: usize| format!("turn_{name}[{i}, {j}]");
         let entries: Vec<String> = match (&closed.held, plane) {

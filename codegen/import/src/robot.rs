@@ -156,6 +156,11 @@ pub(crate) enum Held {
     Point,
     /// A point and an axis through it, in the frame of the first end.
     Axis(Axis),
+    /// A point, and the angle between an axis of the first link and one of the second, each in the frame of its end: a
+    /// cross that turns about both.
+    Cross(Axis, Axis),
+    /// The attitude, and the place but for the way along an axis, in the frame of the first end.
+    Slide(Axis),
     /// A frame.
     Frame,
 }
@@ -168,7 +173,8 @@ pub(crate) struct End {
     pub(crate) pose: Option<Pose>,
 }
 
-/// Two links that the tree does not join: frames of both stay together, or their origins, or an axis of them.
+/// Two links that the tree does not join: frames of both stay together, or
+/// what a joint holds of them.
 #[derive(Clone, Debug)]
 pub(crate) struct Loop {
     pub(crate) name: String,
