@@ -215,3 +215,37 @@ fn two_free_bodies_on_one_point_are_a_chain() {
         close(own, &vector(&found, own), &vector(&expected, other));
     }
 }
+
+/// A platform on three cranks of one length, and a linkage of a plane that leans: equations follow from others for
+/// lengths and angles that are equal by their digits alone, which stay numbers.
+#[test]
+fn lengths_that_have_to_be_equal_stay_numbers() {
+    let inertial = "<inertial pos=\"0.1 0 0.2\" mass=\"1\" diaginertia=\"0.01 0.02 0.02\"/>";
+    let body = |name: &str, place: &str, behind: &str| {
+        format!(
+            "<body name=\"{name}\" {place}><joint name=\"q_{name}\" axis=\"0 1 0\"/>{inertial}{behind}</body>"
+        )
+    };
+    let platform = body("platform", "pos=\"0 0 0.5\"", "");
+    let cranks = ["0 0 0", "0.3 0 0", "0.7 0 0"].map(|at| format!("pos=\"{at}\""));
+    let bodies = body("a", &cranks[0], &platform) + &body("b", &cranks[1], "") + &body("c", &cranks[2], "");
+    let pins = "<connect body1=\"platform\" body2=\"b\" anchor=\"0.3 0 0\"/>\
+        <connect body1=\"platform\" body2=\"c\" anchor=\"0.7 0 0\"/>";
+    let three = format!("<mujoco><worldbody>{bodies}</worldbody><equality>{pins}</equality></mujoco>");
+    let lean = "pos=\"0 0 1\" euler=\"20 0 0\"";
+    let far = "pos=\"0.9 0 1\" euler=\"20 0 0\"";
+    let chain = body("a", lean, &body("platform", "pos=\"0 0 0.5\"", "")) + &body("b", far, "");
+    let pin = "<connect body1=\"platform\" body2=\"b\" anchor=\"0.6 0 0.1\"/>";
+    let leaning = format!("<mujoco><worldbody>{chain}</worldbody><equality>{pin}</equality></mujoco>");
+    for (robot, n_implied) in [(three, 1), (leaning, 1)] {
+        let imported = import("robot.xml", &robot, &Options::default()).unwrap_or_else(|e| panic!("{e}"));
+        let told = "stay numbers";
+        assert!(imported.notes.iter().any(|note| note.message.ends_with(told)), "{}", imported.notes);
+        let model = spec::parse("robot.hamel", &imported.text).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(model.implied.len(), n_implied, "{}", imported.text);
+        let names: Vec<&str> = model.params.iter().map(|p| p.name.as_str()).collect();
+        assert!(names.contains(&"mass_a") && !names.contains(&"dz_platform"), "{names:?}");
+        let built = scene::build(&model, "default").unwrap_or_else(|e| panic!("{e}"));
+        assert!(built.certificate().open.is_empty(), "{:?}", built.certificate());
+    }
+}

@@ -331,13 +331,13 @@ fn wrong_sdf_models_are_refused_with_the_reason_and_the_fix() {
         (sdf("type=\"fixed\"><child>a</child>", ""), "joint `q` has no `parent`", "<parent>"),
         (
             sdf(
-                "type=\"prismatic\"><parent>world</parent><child>a</child>\
-                 <axis><xyz>1 0 0</xyz></axis></joint><joint name=\"p\" type=\"prismatic\"><parent>world</parent>\
-                 <child>a</child><axis><xyz>0 0 1</xyz></axis>",
+                "type=\"screw\"><parent>world</parent><child>a</child><screw_thread_pitch>1</screw_thread_pitch>\
+                 <axis><xyz>1 0 0</xyz></axis></joint><joint name=\"p\" type=\"screw\"><parent>world</parent>\
+                 <child>a</child><screw_thread_pitch>1</screw_thread_pitch><axis><xyz>0 0 1</xyz></axis>",
                 "",
             ),
             "joint `p` closes a loop, and has no equation for that",
-            "revolute, ball or fixed",
+            "a joint that is no screw",
         ),
         (
             other("revolute", "<axis><xyz>0 1 0</xyz><mimic joint=\"p\"/></axis>"),

@@ -101,8 +101,9 @@ struct Writer<'a> {
     is_declared: Vec<bool>,
 }
 
-/// The items of the model; its documentation comes before.
-pub(crate) fn items(file: &Robot, options: &Options, problems: &mut Problems) -> String {
+/// The items of the model; its documentation comes before. Places and angles of joints are parameters, but for those
+/// that `stay` numbers.
+pub(crate) fn items(file: &Robot, options: &Options, stay: &[usize], problems: &mut Problems) -> String {
     let robot = file;
     let mut names = Names::new(&RESERVED);
     let mut floats = Floats::reserve(robot, options, &mut names);
@@ -125,7 +126,7 @@ pub(crate) fn items(file: &Robot, options: &Options, problems: &mut Problems) ->
     let carried = vec![None; robot.links.len()];
     let vertical = Vertical::new(&robot.gravity);
     let mut robot = robot.clone();
-    let parameters = parameters(&mut robot, &links, &loop_names, &mut names);
+    let parameters = parameters(&mut robot, &links, &loop_names, stay, &mut names);
     let mut writer = Writer {
         robot: &robot,
         file,
