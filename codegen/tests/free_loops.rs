@@ -91,7 +91,7 @@ fn close(what: &str, found: &[f64], expected: &[f64]) {
     }
 }
 
-/// An arm on a hinge at (0, 0, 0.5), and what is behind it or beside it.
+/// An arm on a hinge at (0, 0, 0.5), with a body behind it or beside it.
 fn arm(behind: &str, beside: &str, equations: &str) -> String {
     format!(
         "<mujoco><worldbody><body name=\"arm\" pos=\"0 0 0.5\"><joint name=\"q\" axis=\"0 1 0\"/>\

@@ -303,7 +303,7 @@ fn rows_without_their_own_velocity_are_solved_with_others() {
 }
 
 /// The end of a rod stays on a sphere, so that the gradients of its three components depend on each other everywhere.
-/// Where all are met, those of the first two do, and not that of the third: the others would touch without it.
+/// Where all are met, the first two do, and the third does not: the others would touch without it.
 const SPHERE: &str = "param L = 0.5 where L > 0; coordinate a, b, c in angle;
     let R = rot(e1, a)*rot(e2, b)*rot(e3, c);
     body rod { mass 1; place R*[L/2, 0, 0]; inertia diag([0.02, 0.05, 0.04]); attitude R; }

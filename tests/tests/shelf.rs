@@ -145,7 +145,8 @@ fn mechanisms_with_motors() {
 }
 
 /// Of the joint, every body is a rotation matrix; of the platform, the plate and each leg. Where legs stand is in their
-/// angles and lengths; about their own axes they turn too slowly for a hundredth of these moments of inertia to be seen.
+/// angles and lengths; about their own axes they turn too slowly for a hundredth of these moments of inertia to be
+/// seen.
 #[test]
 fn closed_loops_in_space() {
     held::<linkages::DoubleCardan>("double_cardan_joint", &[]);

@@ -135,8 +135,8 @@ pub fn import_with(
     written(&source, file, &robot, options, problems)
 }
 
-/// The model of a robot. Where the language refuses its loops, as their equations follow from each other for the lengths
-/// and angles of the file alone, these stay numbers if that helps.
+/// The model of a robot. Where the language refuses its loops, as their equations follow from each other for the
+/// lengths and angles of the file alone, these stay numbers if that helps.
 fn written(
     source: &Source,
     file: &str,

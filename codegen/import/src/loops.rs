@@ -1,8 +1,8 @@
 //! Loops: what two links have in common beside the tree, as equations between coordinates.
 //!
 //! Both ways lead from the last link that they share. A point of the first link has the place `x = p + Q (s + R y)` in
-//! the frame of the link before, and so on: two such sums are equal, which no joint before the shared link enters. A way
-//! with a free motion begins in space, and so does the other one. Of
+//! the frame of the link before, and so on: two such sums are equal, which no joint before the shared link enters. A
+//! way with a free motion begins in space, and so does the other one. Of
 //! two frames the rotation `T = A^T B` from one to the other is the identity: its antisymmetric part vanishes, three
 //! equations that are independent there. It leaves an axis `a` where that is if `a x T a = 0`: two components of these,
 //! as the one of the largest component of `a` follows. A cross between axes `a`, `b` of both keeps `a . T b`; a slide
@@ -233,7 +233,7 @@ impl Loops<'_> {
         matches!(self.robot.joints[joint].kind, JointKind::Floating)
     }
 
-    /// The frames before a chain that moves: those of the root in space, where a way has a free motion.
+    /// The frames before a chain that moves: frames of the root in space, where a way has a free motion.
     fn before(&self, ways: &[Way; 2]) -> &[Pose] {
         let has_free = ways.iter().flat_map(|way| &way.joints).any(|k| self.is_free(*k));
         if has_free { &self.robot.start } else { &[] }

@@ -120,8 +120,8 @@ fn declare_turn(items: &mut String, turn: &mut Turn, of: &str, link: &str, prefi
     }
 }
 
-/// Puts names of parameters in the place of numbers, but for those of joints that `stay`. `links` and `loops` are their
-/// names.
+/// Puts names of parameters in the place of numbers; joints in `stay`, and loops beside these, keep theirs. `links` and
+/// `loops` are their names.
 pub(crate) fn parameters(
     robot: &mut Robot,
     links: &[String],

@@ -101,8 +101,8 @@ struct Writer<'a> {
     is_declared: Vec<bool>,
 }
 
-/// The items of the model; its documentation comes before. Places and angles of joints are parameters, but for those
-/// that `stay` numbers.
+/// The items of the model; its documentation comes before. Places and angles of joints are parameters, but for joints
+/// in `stay`.
 pub(crate) fn items(file: &Robot, options: &Options, stay: &[usize], problems: &mut Problems) -> String {
     let robot = file;
     let mut names = Names::new(&RESERVED);

@@ -34,8 +34,8 @@ fn flat(a: M3<f64>) -> Vec<f64> {
     a.into_iter().flatten().collect()
 }
 
-/// Two universal joints on one shaft: driving shaft, cross, shaft, cross and driven shaft, all of which turn about points
-/// at rest.
+/// Two universal joints on one shaft: driving shaft, cross, shaft, cross and driven shaft, all of which turn about
+/// points at rest.
 pub(crate) struct DoubleCardan {
     inertias: [M3<f64>; 5],
     bend: [f64; 2],
@@ -45,7 +45,7 @@ pub(crate) struct DoubleCardan {
 const TORQUES: [f64; 2] = [1.0, -1.0];
 
 impl DoubleCardan {
-    /// Directions at rest: two across the driving shaft, the shaft between and two across it, those of the bearing.
+    /// Directions at rest: first axes along the driving shaft, the shaft between, the driven shaft.
     fn frame(&self, joint: usize) -> M3<f64> {
         let angle = self.bend[..joint].iter().sum();
         turned(AXES[2], angle).0

@@ -21,7 +21,7 @@ pub(super) struct Displaced<'a> {
     entries: Vec<SymbolId>,
     /// Rates of the entries by `xi`.
     rates: Vec<ExprId>,
-    /// Whether `xi` moves by the negative of these, as those of a left action do.
+    /// Whether `xi` moves by the negative of these, as a left action does.
     is_negative: bool,
     velocities: Vec<SymbolId>,
 }
@@ -50,7 +50,7 @@ impl<'a> Displaced<'a> {
         self.n_base
     }
 
-    /// How many directions there are: those of the base first.
+    /// How many directions there are, base coordinates first.
     pub(super) fn n_directions(&self) -> usize {
         self.n_base + self.velocities.len()
     }

@@ -200,8 +200,8 @@ fn redundant_at(model: &Model, texts: &[String], open: Option<[f64; 2]>) -> Opti
 }
 
 impl Loops<'_> {
-    /// Positions as the model gives them; other coordinates as `open` says, or at zero, in the middle of their intervals
-    /// where that is outside.
+    /// Positions as the model gives them; other coordinates as `open` says, or at zero, in the middle of their
+    /// intervals where that is outside.
     fn start(&self, model: &Model, open: Option<[f64; 2]>) -> Option<Vec<f64>> {
         let neutral = |k: usize| match model.base[k].domain {
             Domain::Angle | Domain::Real => 0.0,
