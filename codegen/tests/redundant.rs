@@ -301,3 +301,99 @@ fn rows_without_their_own_velocity_are_solved_with_others() {
         assert!((found - expected).abs() < 1e-12, "{found} {expected}");
     }
 }
+
+/// The end of a rod stays on a sphere, so that the gradients of its three components depend on each other everywhere.
+/// Where all are met, the first two do, and the third does not: the others would touch without it.
+const SPHERE: &str = "param L = 0.5 where L > 0; coordinate a, b, c in angle;
+    let R = rot(e1, a)*rot(e2, b)*rot(e3, c);
+    body rod { mass 1; place R*[L/2, 0, 0]; inertia diag([0.02, 0.05, 0.04]); attitude R; }
+    lagrangian = rod_energy - 2*R[2, 2]; initial c = 0.4; initial a_dot = 1;";
+
+#[test]
+fn of_gradients_that_depend_everywhere_one_is_left_out_where_the_others_do_not_touch() {
+    let model =
+        parsed(&format!("{SPHERE} multipliers; constraint end: R*[L, 0, 0] = rot(e3, 0.4)*[L, 0, 0];"));
+    let names: Vec<&str> = model.constraints.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["end1", "end3"], "{}", model.warnings);
+    let found = built(&model);
+    assert!(found.certificate().open.is_empty(), "{:?}", found.certificate());
+    let two = "[(R*[L, 0, 0])[1], (R*[L, 0, 0])[3]] = [L*cos(0.4), 0]";
+    let expected = built(&parsed(&format!("{SPHERE} multipliers; constraint end: {two};")));
+    // A turn of the rod about itself.
+    let y = [0.0, 0.0, 0.4, 1.0, 0.422_793_218_738_161_84, 0.0];
+    assert_eq!(rates(&found, &[0.5], &y), rates(&expected, &[0.5], &y));
+}
+
+/// A body that moves freely and is held at two points of an axis: of six equations one follows. With a third point all
+/// of its equations do.
+fn hinge(points: &[&str]) -> Model {
+    let pins = points.iter().enumerate().map(|(k, z)| {
+        let point = format!("[0.1, 0, {z}]");
+        format!("constraint pin{k}: r + R*{point} = rot(e1, pi/3)*{point};")
+    });
+    parsed(&format!(
+        "configuration R, r in SE(3) velocity w, v; param m = 2 where m > 0; param J: diagonal(3) = [0.3, 0.2, 0.4];
+         param a = 0.2;
+         lagrangian = m/2*dot(v, v) + dot(w, J*w)/2 - m*9.81*r3; multipliers;
+         initial R = rot(e1, pi/3); {}",
+        pins.collect::<String>()
+    ))
+}
+
+#[test]
+fn a_free_body_on_two_points_of_an_axis_is_on_a_hinge() {
+    for (points, n_implied) in [(&["a", "0.7"][..], 1), (&["a", "0.7", "-3*a"][..], 4)] {
+        let model = hinge(points);
+        assert_eq!(model.implied.len(), n_implied, "{}", model.warnings);
+        assert_eq!(model.constraints.len(), 5);
+        let scene = built(&model);
+        // Turned by 0.4 about the axis along the third one of the body, at (0.1, 0, .) in it.
+        let (s, c) = (0.4_f64.sin(), 0.4_f64.cos());
+        let tilt = std::f64::consts::FRAC_PI_3;
+        let of_space =
+            |[x, y, z]: [f64; 3]| [x, tilt.cos() * y - tilt.sin() * z, tilt.sin() * y + tilt.cos() * z];
+        let columns = [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]].map(of_space);
+        let place = of_space([0.1 - 0.1 * c, -0.1 * s, 0.0]);
+        let rate = 1.3;
+        // v = -w x (0.1, 0, .)
+        let velocity = [0.0, -0.1 * rate, 0.0];
+        let names = scene.state_names();
+        let mut state = BTreeMap::new();
+        for i in 0..3 {
+            state.insert(format!("w{}", i + 1), [0.0, 0.0, rate][i]);
+            state.insert(format!("v{}", i + 1), velocity[i]);
+            state.insert(format!("r{}", i + 1), place[i]);
+            (0..3).for_each(|j| _ = state.insert(format!("R{}{}", i + 1, j + 1), columns[j][i]));
+        }
+        let y: Vec<f64> = names.iter().map(|name| state[name]).collect();
+        let m = 2.0;
+        let params = [m, 0.3, 0.2, 0.4, 0.2];
+        assert_eq!(scene.params().len(), params.len());
+        let found = rates(&scene, &params, &y);
+        // A pendulum whose mass centre is 0.1 from the axis.
+        let height_slope = tilt.sin() * -0.1 * c;
+        let expected = -m * 9.81 * height_slope / (0.4 + m * 0.01);
+        let at = names.iter().position(|name| name == "w3").expect("a velocity");
+        assert!((found[at] - expected).abs() < 1e-12, "{} {expected}", found[at]);
+    }
+}
+
+/// The direction of an axis of a body has three components, of which one follows; a wrong one is found.
+#[test]
+fn equations_between_rotations_are_held_by_the_certificate() {
+    let mut model = parsed(
+        "configuration R in SO(3) velocity w; param J: diagonal(3) = [0.3, 0.2, 0.4];
+         lagrangian = dot(w, J*w)/2 - R[3, 1]; multipliers; initial R = rot(e2, atan(3/4));
+         constraint axis: R*[0, 0, 1] = rot(e2, atan(3/4))*[0, 0, 1];",
+    );
+    assert_eq!((model.constraints.len(), model.implied.len()), (2, 1), "{}", model.warnings);
+    let scene = built(&model);
+    assert!(scene.certificate().open.is_empty(), "{:?}", scene.certificate());
+    let graph = &mut model.graph;
+    let entry = graph.sym(model.configurations[0].symbols[1]);
+    let tiny = graph.rational(Rational::new(1.into(), 1_000_000_000_000_i64.into()));
+    let product = graph.mul(entry, tiny);
+    model.implied[0].residual = graph.add(model.implied[0].residual, product);
+    let told = scene::build(&model, "default").err().map(|problems| problems.to_string());
+    assert!(told.is_some_and(|told| told.contains("the implied equation")));
+}

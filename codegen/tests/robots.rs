@@ -331,13 +331,13 @@ fn wrong_sdf_models_are_refused_with_the_reason_and_the_fix() {
         (sdf("type=\"fixed\"><child>a</child>", ""), "joint `q` has no `parent`", "<parent>"),
         (
             sdf(
-                "type=\"prismatic\"><parent>world</parent><child>a</child>\
-                 <axis><xyz>1 0 0</xyz></axis></joint><joint name=\"p\" type=\"prismatic\"><parent>world</parent>\
-                 <child>a</child><axis><xyz>0 0 1</xyz></axis>",
+                "type=\"screw\"><parent>world</parent><child>a</child><screw_thread_pitch>1</screw_thread_pitch>\
+                 <axis><xyz>1 0 0</xyz></axis></joint><joint name=\"p\" type=\"screw\"><parent>world</parent>\
+                 <child>a</child><screw_thread_pitch>1</screw_thread_pitch><axis><xyz>0 0 1</xyz></axis>",
                 "",
             ),
             "joint `p` closes a loop, and has no equation for that",
-            "revolute, ball or fixed",
+            "a joint that is no screw",
         ),
         (
             other("revolute", "<axis><xyz>0 1 0</xyz><mimic joint=\"p\"/></axis>"),
@@ -622,15 +622,13 @@ fn classes_of_motors_are_by_their_kind() {
 fn forces_and_equations_that_are_not_taken_are_told_by_name() {
     let text = mujoco(
         "<tendon><fixed name=\"cord\"><joint joint=\"q\" coef=\"1\"/></fixed></tendon>\
-         <worldbody><body name=\"c\"><freejoint/><geom size=\"0.1\"/></body></worldbody>\
-         <equality><weld name=\"glue\" body1=\"b\" body2=\"c\"/><tendon name=\"pull\" tendon1=\"cord\"/></equality>\
+         <equality><tendon name=\"pull\" tendon1=\"cord\"/></equality>\
          <actuator><muscle name=\"flexor\" joint=\"q\"/><motor name=\"puller\" tendon=\"cord\"/></actuator>",
         "<joint name=\"q\"/>",
     );
     let notes = imported(&text, &Options::default()).notes;
     for told in [
         "the tendon `cord` is not taken",
-        "the equation `glue` joins bodies that move freely of each other: it is not taken",
         "the equation `pull`, a tendon, is not taken; it joins cord",
         "the muscle `flexor` is not taken: it is a `muscle`",
         "the motor `puller` is not taken: it acts on no joint",

@@ -119,3 +119,23 @@ fn mechanisms_are_where_exudyn_has_them() {
         models::close("hinge", &hinge, &[0.510501462115, -1.649167599061, 0.140123115104], 2e-9);
     });
 }
+
+/// `tan d cos bend1 = tan a cos bend2` for aligned yokes (Seherr-Thoss, Schmelz, Aucktor 2006, section 1.2.2), and its
+/// derivative: shafts turn alike where the bends are equal.
+#[test]
+fn a_double_cardan_joint_turns_as_its_bends_say() {
+    let ratio = 0.5_f64.cos() / 0.4_f64.cos();
+    for t in [0.1, 0.17, 1.0] {
+        reached("double_cardan_joint", t, |at| {
+            let (a, d) = (at.get("a"), at.get("d"));
+            let expected = ratio / (a.cos().powi(2) + (ratio * a.sin()).powi(2));
+            models::close("angles", &[d.sin() * a.cos()], &[ratio * a.sin() * d.cos()], 1e-9);
+            models::close(
+                "speeds",
+                &[at.get("d_dot")],
+                &[expected * at.get("a_dot")],
+                1e-8 * at.get("a_dot"),
+            );
+        });
+    }
+}

@@ -7,7 +7,9 @@ mod shelf_systems;
 use hamel_tests::models;
 use hamel_tests::random::Random;
 use hamel_tests::unreduced::{Parameters, Unreduced, check, random_motion};
-use shelf_systems::{actuated, balls, bicycles, flying, matrices, particles, rolling, spinning, vehicles};
+use shelf_systems::{
+    actuated, balls, bicycles, flying, linkages, matrices, particles, rolling, spinning, vehicles,
+};
 
 /// A model by its name against a system; `idle` are parameters that do nothing at their defaults.
 fn held<S: Unreduced>(name: &str, idle: &[&str]) {
@@ -140,6 +142,15 @@ fn bodies_in_air_and_water() {
 #[test]
 fn mechanisms_with_motors() {
     held::<actuated::MotorArm>("motor_arm", &["i_max"]);
+}
+
+/// Of the joint, every body is a rotation matrix; of the platform, the plate and each leg. Where legs stand is in their
+/// angles and lengths; about their own axes they turn too slowly for a hundredth of these moments of inertia to be
+/// seen.
+#[test]
+fn closed_loops_in_space() {
+    held::<linkages::DoubleCardan>("double_cardan_joint", &[]);
+    held::<linkages::Stewart>("stewart_platform", &["radius1", "half1", "J3", "K3"]);
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! Free motions: velocities, the vertical and the height of links that no joint holds.
+//! Free motions: velocities, the vertical and the height of links that no joint holds. Where a loop needs to know where
+//! the link is, attitude and place are coordinates; elsewhere they are reconstructed.
 //!
 //! Deliberately does not know: XML, joints with coordinates, energies.
 
@@ -19,6 +20,8 @@ pub(crate) struct Free {
     pub(crate) height: String,
     attitude: String,
     place: String,
+    /// Whether attitude and place are coordinates that equations may contain.
+    is_placed: bool,
 }
 
 /// All free motions of a robot.
@@ -33,7 +36,7 @@ pub(crate) struct Floats {
     are_all: bool,
 }
 
-const AROUND: [&str; 26] = [
+const AROUND: [&str; 35] = [
     "Omega*",
     "Omega*1",
     "Omega*2",
@@ -56,6 +59,15 @@ const AROUND: [&str; 26] = [
     "attitude*x",
     "attitude*y",
     "attitude*z",
+    "attitude*11",
+    "attitude*12",
+    "attitude*13",
+    "attitude*21",
+    "attitude*22",
+    "attitude*23",
+    "attitude*31",
+    "attitude*32",
+    "attitude*33",
     "position*",
     "position*1",
     "position*2",
@@ -74,6 +86,7 @@ impl Free {
             height: named("height"),
             attitude: named("attitude"),
             place: named("position"),
+            is_placed: false,
         }
     }
 }
@@ -96,7 +109,12 @@ impl Floats {
         if options.floating {
             links.insert(0, robot.root);
         }
-        let links: Vec<_> = links.into_iter().map(|link| (link, Free::new(""))).collect();
+        let closed: Vec<usize> = robot.loops.iter().flat_map(|k| robot.around(k)).flatten().collect();
+        let free = |link: usize| {
+            let is_placed = joints.iter().any(|k| robot.joints[*k].child == link && closed.contains(k));
+            (link, Free { is_placed, ..Free::new("") })
+        };
+        let links: Vec<_> = links.into_iter().map(free).collect();
         let has_balls = robot.joints.iter().any(|joint| matches!(joint.kind, JointKind::Ball));
         let are_all = links.len() < 2 && !has_balls;
         Floats { joints, links, is_declared: false, are_all }
@@ -111,7 +129,8 @@ impl Floats {
             let own = AROUND.iter().filter(|pattern| !pattern.starts_with("up"));
             let patterns: Vec<String> = own.map(|pattern| pattern.replace('*', "_*")).collect();
             let patterns: Vec<&str> = patterns.iter().map(String::as_str).collect();
-            *free = Free::new(&format!("_{}", names.take(&links[*link], &patterns)));
+            let ending = format!("_{}", names.take(&links[*link], &patterns));
+            *free = Free { is_placed: free.is_placed, ..Free::new(&ending) };
         }
     }
 
@@ -129,7 +148,8 @@ impl Floats {
         vertical: Option<&Vertical>,
         start: &[Pose],
     ) -> String {
-        let Free { spin, velocity, up, height, attitude, place } = self.of(link);
+        let free = self.of(link);
+        let Free { spin, velocity, .. } = &free;
         let mut out = format!("// {file_name}, which moves freely.\n");
         match self.links.len() {
             0 | 1 => {
@@ -153,6 +173,49 @@ impl Floats {
             _ => {}
         }
         self.is_declared = true;
+        out.push_str(&match free.is_placed {
+            true => free.coordinates(file_name, vertical, start),
+            false => free.reconstructed(file_name, vertical, start, self.are_all),
+        });
+        out
+    }
+}
+
+impl Free {
+    /// Attitude and place as coordinates, and the vertical by them.
+    fn coordinates(&self, file_name: &str, vertical: Option<&Vertical>, start: &[Pose]) -> String {
+        let Free { spin, velocity, up, height, attitude, place, is_placed: _ } = self;
+        let mut out = format!(
+            "/// Attitude and place of {file_name}.\n\
+             configuration {attitude}, {place} in SE(3) from {spin}, {velocity};\n"
+        );
+        if let Some(turn) = places::turn_of(start) {
+            _ = writeln!(out, "initial {attitude} = {turn};");
+        }
+        let at = places::origin_of(start);
+        if !at.is_empty() {
+            _ = writeln!(out, "initial {place} = {};", places::sum(&at));
+        }
+        if let Some(vertical) = vertical {
+            _ = writeln!(
+                out,
+                "let {up} = transpose({attitude})*{0};\nlet {height} = dot({0}, {place});",
+                vertical.up
+            );
+        }
+        out
+    }
+
+    /// The vertical and the height as parameters that the motion moves; attitude and place as coordinates of the group.
+    fn reconstructed(
+        &self,
+        file_name: &str,
+        vertical: Option<&Vertical>,
+        start: &[Pose],
+        is_all: bool,
+    ) -> String {
+        let Free { spin, velocity, up, height, attitude, place, is_placed: _ } = self;
+        let mut out = String::new();
         let (turn, at) = (places::turn_of(start), places::origin_of(start));
         if let Some(vertical) = vertical {
             let initial = match &turn {
@@ -175,7 +238,7 @@ impl Floats {
             out,
             "/// Attitude and place of {file_name}.\n\
              reconstruct {attitude}, {place} in SE(3){};",
-            if self.are_all { String::new() } else { format!(" from {spin}, {velocity}") }
+            if is_all { String::new() } else { format!(" from {spin}, {velocity}") }
         );
         if let Some(quaternion) = places::quaternion(start.iter().flat_map(|pose| &pose.turn.factors)) {
             _ = writeln!(out, "initial {attitude} = {quaternion};");

@@ -132,15 +132,45 @@ pub fn import_with(
             problems.note_with_help(&joint.span, message, "`--limits spring` has springs behind them");
         }
     }
-    let items = write::items(&robot, options, &mut problems);
+    written(&source, file, &robot, options, problems)
+}
+
+/// The model of a robot. Where the language refuses its loops, as their equations follow from each other for the
+/// lengths and angles of the file alone, these stay numbers if that helps.
+fn written(
+    source: &Source,
+    file: &str,
+    robot: &robot::Robot,
+    options: &Options,
+    mut problems: problems::Problems,
+) -> Result<Imported, Diagnostics> {
+    let before = problems.notes.len();
+    let items = write::items(robot, options, &[], &mut problems);
     if !problems.errors.is_empty() {
         return Err(source.diagnostics(problems.errors));
     }
     let name = names::Names::new(&[]).take(&robot.name, &["*"]);
-    let notes = source.diagnostics(problems.take_notes());
-    let text = write_model(&name, &robot.name, file, &items, &notes);
-    let text = hamel_lang::spec::format(&format!("{name}.hamel"), &text)?;
-    Ok(Imported { name, text, notes })
+    let finished = |items: &str, notes: Vec<Diagnostic>| -> Result<Imported, Diagnostics> {
+        let notes = source.diagnostics(notes);
+        let text = write_model(&name, &robot.name, file, items, &notes);
+        let text = hamel_lang::spec::format(&format!("{name}.hamel"), &text)?;
+        Ok(Imported { name: name.clone(), text, notes })
+    };
+    let is_model = |imported: &Imported| hamel_lang::spec::parse(&imported.name, &imported.text).is_ok();
+    let around: Vec<usize> = robot.loops.iter().flat_map(|k| robot.around(k)).flatten().collect();
+    let mut again = problems::Problems::default();
+    again.notes.extend(problems.notes[..before].iter().cloned());
+    let imported = finished(&items, problems.take_notes())?;
+    if around.is_empty() || is_model(&imported) {
+        return Ok(imported);
+    }
+    let items = write::items(robot, options, &around, &mut again);
+    for closed in &robot.loops {
+        let message = format!("lengths and angles of the loop `{}` stay numbers", closed.name);
+        again.note_with_help(&closed.span, message, "with others its equations would contradict each other");
+    }
+    let numbers = finished(&items, again.take_notes())?;
+    Ok(if is_model(&numbers) { numbers } else { imported })
 }
 
 fn parsed(source: &Source) -> Result<roxmltree::Document<'_>, Diagnostics> {

@@ -1,10 +1,12 @@
 //! Loops: what two links have in common beside the tree, as equations between coordinates.
 //!
 //! Both ways lead from the last link that they share. A point of the first link has the place `x = p + Q (s + R y)` in
-//! the frame of the link before, and so on: two such sums are equal, which no joint before the shared link enters. Of
+//! the frame of the link before, and so on: two such sums are equal, which no joint before the shared link enters. A
+//! way with a free motion begins in space, and so does the other one. Of
 //! two frames the rotation `T = A^T B` from one to the other is the identity: its antisymmetric part vanishes, three
 //! equations that are independent there. It leaves an axis `a` where that is if `a x T a = 0`: two components of these,
-//! as the one of the largest component of `a` follows. Where everything turns about one axis of coordinates, equations
+//! as the one of the largest component of `a` follows. A cross between axes `a`, `b` of both keeps `a . T b`; a slide
+//! along `a` keeps `T` and `a x A^T (other - one)`. Where everything turns about one axis of coordinates, equations
 //! along it are left out, as they always hold.
 //!
 //! Deliberately does not know: XML, energies.
@@ -18,7 +20,8 @@ use crate::robot::{End, Held, JointKind, Loop, Pose, Robot};
 use crate::rotation::{Axis, Rotation, Turn};
 
 /// Everything that is named after a loop, beside the parameters of its places.
-pub(crate) const OF_LOOP: [&str; 7] = ["*", "one_*", "other_*", "held_*", "turn_*", "across_*", "attitude_*"];
+pub(crate) const OF_LOOP: [&str; 8] =
+    ["*", "one_*", "other_*", "held_*", "turn_*", "across_*", "beside_*", "attitude_*"];
 
 /// The joints from the shared link to one end.
 #[derive(Clone, Debug)]
@@ -44,14 +47,14 @@ impl Loops<'_> {
     /// The ways from the last link that both ends of a loop share. Nothing, and a note, where no equation joins them.
     pub(crate) fn ways(&self, k: usize, problems: &mut Problems) -> Option<[Way; 2]> {
         let closed = &self.robot.loops[k];
-        let links = [closed.first.0, closed.second.link];
-        let [a, b] = links.map(|link| self.chain(link));
-        let n_shared = a.iter().zip(&b).take_while(|(a, b)| a == b).count();
-        let [one, other] = links;
-        let ways = [
-            Way { joints: a[n_shared..].to_vec(), link: one },
-            Way { joints: b[n_shared..].to_vec(), link: other },
-        ];
+        let mut around = self.robot.around(closed);
+        // Free motions are told in space.
+        if around.iter().flatten().any(|k| self.is_free(*k)) {
+            around = [closed.first.0, closed.second.link].map(|link| self.robot.chain(link));
+        }
+        let [one, other] = around;
+        let ways =
+            [Way { joints: one, link: closed.first.0 }, Way { joints: other, link: closed.second.link }];
         let (reason, help) = match self.refusal(&ways) {
             None => return Some(ways),
             Some(refusal) => refusal,
@@ -82,6 +85,8 @@ impl Loops<'_> {
         let held = match &closed.held {
             Held::Point => "a point",
             Held::Axis(_) => "an axis",
+            Held::Cross(..) => "the centre of a cross",
+            Held::Slide(_) => "a line with its frame",
             Held::Frame => "a frame",
         };
         let mut out =
@@ -94,8 +99,8 @@ impl Loops<'_> {
         }
         let first = origin(&closed.first.1);
         let second = if place == ZERO { Vec::new() } else { vec![place] };
-        _ = writeln!(out, "let one_{name} = {};", sum(&self.point(&ways[0].joints, first, true)));
-        _ = writeln!(out, "let other_{name} = {};", sum(&self.point(&ways[1].joints, second, true)));
+        _ = writeln!(out, "let one_{name} = {};", sum(&self.moving(ways, 0, first)));
+        _ = writeln!(out, "let other_{name} = {};", sum(&self.moving(ways, 1, second)));
         let of = |side: &str| match plane {
             None => format!("{side}_{name}"),
             Some(left_out) => {
@@ -104,12 +109,44 @@ impl Loops<'_> {
                 format!("[{}]", entries.join(", "))
             }
         };
-        _ = writeln!(out, "constraint {name}: {} = {};", of("one"), of("other"));
+        match &closed.held {
+            Held::Slide(axis) => out.push_str(&self.beside(closed, ways, axis, plane, name)),
+            _ => _ = writeln!(out, "constraint {name}: {} = {};", of("one"), of("other")),
+        }
         out.push_str(&self.attitude(closed, ways, &turn, plane, name));
         out
     }
 
-    /// That the rotation between two frames is the identity, or leaves an axis where it is.
+    /// That one origin is beside the other nowhere but along an axis of the first frame.
+    fn beside(
+        &self,
+        closed: &Loop,
+        ways: &[Way; 2],
+        axis: &Axis,
+        plane: Option<usize>,
+        name: &str,
+    ) -> String {
+        let mut one = self.turning(ways, 0);
+        one.extend(closed.first.1.turn.text());
+        let apart = format!("other_{name} - one_{name}");
+        let apart = if one.is_empty() { apart } else { format!("transpose({})*({apart})", one.join("*")) };
+        let mut out = format!("let beside_{name} = cross({}, {apart});\n", axis.vector);
+        let along = axis.along.map(|(k, _)| k);
+        // In the plane, a line along it has one equation, and the axis across it two.
+        let kept: Vec<usize> = match plane {
+            Some(k) if along != Some(k) => vec![k],
+            // Of an axis that is written in another frame the largest component is not known.
+            _ => (0..3).filter(|k| axis.frame().is_some() || *k != axis.largest).collect(),
+        };
+        let entries: Vec<String> = kept.iter().map(|k| format!("beside_{name}[{}]", k + 1)).collect();
+        _ = match &entries[..] {
+            [entry] => writeln!(out, "constraint {name}: {entry} = 0;"),
+            _ => writeln!(out, "constraint {name}: [{}] = 0;", entries.join(", ")),
+        };
+        out
+    }
+
+    /// That the rotation between two frames is the identity, leaves an axis where it is, or the angle between two axes.
     fn attitude(
         &self,
         closed: &Loop,
@@ -123,7 +160,8 @@ impl Loops<'_> {
         let is_kept = match &closed.held {
             Held::Point => true,
             Held::Axis(axis) => plane.is_some() && along(axis) == plane,
-            Held::Frame => false,
+            Held::Cross(axis, other) => plane.is_some() && [axis, other].iter().any(|a| along(a) == plane),
+            Held::Frame | Held::Slide(_) => false,
         };
         if is_kept || !ways.iter().any(turns) {
             return String::new();
@@ -131,15 +169,20 @@ impl Loops<'_> {
         // An axis is told in the frame in which it was written.
         let frame = match &closed.held {
             Held::Axis(axis) => axis.frame().cloned(),
-            Held::Point | Held::Frame => None,
+            Held::Point | Held::Frame | Held::Cross(..) | Held::Slide(_) => None,
         };
-        let mut one = self.turns(&ways[0].joints, true);
+        let mut one = self.turning(ways, 0);
         one.extend(closed.first.1.turn.text().into_iter().chain(frame.clone()));
-        let mut other = self.turns(&ways[1].joints, true);
+        let mut other = self.turning(ways, 1);
         other.extend(second.iter().cloned().chain(frame));
         let back = (!one.is_empty()).then(|| format!("transpose({})", one.join("*")));
         let factors: Vec<String> = back.into_iter().chain(other).collect();
         let mut out = format!("let turn_{name} = {};\n", factors.join("*"));
+        if let Held::Cross(axis, other) = &closed.held {
+            let [a, b] = [&axis.vector, &other.vector];
+            _ = writeln!(out, "constraint attitude_{name}: dot({a}, turn_{name}*{b}) = dot({a}, {b});");
+            return out;
+        }
         let others = |k: usize| [(k + 1) % 3 + 1, (k + 2) % 3 + 1];
         let entry = |i: usize, j: usize| format!("turn_{name}[{i}, {j}]");
         let entries: Vec<String> = match (&closed.held, plane) {
@@ -170,26 +213,10 @@ impl Loops<'_> {
         out
     }
 
-    /// The joints from the root to a link.
-    fn chain(&self, link: usize) -> Vec<usize> {
-        let mut chain = Vec::new();
-        let mut at = link;
-        while let Some(k) = self.robot.joints.iter().position(|joint| joint.child == at) {
-            chain.push(k);
-            at = self.robot.joints[k].parent;
-        }
-        chain.reverse();
-        chain
-    }
-
     /// Why a loop is not taken, and the fix.
     fn refusal(&self, ways: &[Way; 2]) -> Option<(&'static str, &'static str)> {
-        let kinds = || ways.iter().flat_map(|way| &way.joints).map(|k| &self.robot.joints[*k].kind);
-        if kinds().any(|kind| matches!(kind, JointKind::Floating)) {
-            let help = "write a `constraint` between their velocities into the model";
-            return Some(("joins bodies that move freely of each other", help));
-        }
-        let is_rigid = kinds().all(|kind| matches!(kind, JointKind::Fixed));
+        let mut kinds = ways.iter().flat_map(|way| &way.joints).map(|k| &self.robot.joints[*k].kind);
+        let is_rigid = kinds.all(|kind| matches!(kind, JointKind::Fixed));
         is_rigid.then_some(("joins one body with itself", "leave it out of the file, or name another body"))
     }
 
@@ -200,6 +227,16 @@ impl Loops<'_> {
 
     fn rotation(&self, joint: usize) -> Option<String> {
         self.moved(joint).1
+    }
+
+    fn is_free(&self, joint: usize) -> bool {
+        matches!(self.robot.joints[joint].kind, JointKind::Floating)
+    }
+
+    /// The frames before a chain that moves: frames of the root in space, where a way has a free motion.
+    fn before(&self, ways: &[Way; 2]) -> &[Pose] {
+        let has_free = ways.iter().flat_map(|way| &way.joints).any(|k| self.is_free(*k));
+        if has_free { &self.robot.start } else { &[] }
     }
 
     /// The place of a point of the last link of a chain in the frame of the first, as terms, by its terms in the last.
@@ -216,6 +253,23 @@ impl Loops<'_> {
         terms
     }
 
+    /// As [`Loops::point`] where joints move, and in space where a free motion does.
+    fn moving(&self, ways: &[Way; 2], way: usize, terms: Vec<String>) -> Vec<String> {
+        let chain = &ways[way].joints;
+        match chain.iter().rposition(|k| self.is_free(*k)) {
+            Some(at) => {
+                let (place, attitude) = self.moved(chain[at]);
+                let behind = self.point(&chain[at + 1..], terms, true);
+                let turned = turned(&attitude.unwrap_or_default(), behind);
+                place.into_iter().chain(turned).collect()
+            }
+            None => {
+                let terms = self.point(chain, terms, true);
+                self.before(ways).iter().rev().fold(terms, |terms, pose| placed(pose, terms))
+            }
+        }
+    }
+
     /// The rotation of the last link of a chain in the frame of the first, as factors.
     fn turns(&self, chain: &[usize], moves: bool) -> Vec<String> {
         let of = |k: &usize| {
@@ -223,6 +277,17 @@ impl Loops<'_> {
             self.robot.joints[*k].pose.turn.text().into_iter().chain(rotation)
         };
         chain.iter().flat_map(of).collect()
+    }
+
+    /// As [`Loops::turns`] where joints move, and in space where a free motion does.
+    fn turning(&self, ways: &[Way; 2], way: usize) -> Vec<String> {
+        let chain = &ways[way].joints;
+        let (first, behind) = match chain.iter().rposition(|k| self.is_free(*k)) {
+            Some(at) => (self.rotation(chain[at]).into_iter().collect(), &chain[at + 1..]),
+            None => (self.before(ways).iter().filter_map(|pose| pose.turn.text()).collect(), &chain[..]),
+        };
+        let first: Vec<String> = first;
+        first.into_iter().chain(self.turns(behind, true)).collect()
     }
 
     /// The frame of the second end in its link.

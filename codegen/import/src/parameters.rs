@@ -120,11 +120,13 @@ fn declare_turn(items: &mut String, turn: &mut Turn, of: &str, link: &str, prefi
     }
 }
 
-/// Puts names of parameters in the place of numbers. `links` and `loops` are their names.
+/// Puts names of parameters in the place of numbers; joints in `stay`, and loops beside these, keep theirs. `links` and
+/// `loops` are their names.
 pub(crate) fn parameters(
     robot: &mut Robot,
     links: &[String],
     loops: &[String],
+    stay: &[usize],
     names: &mut Names,
 ) -> Parameters {
     let mut parts: Vec<Vec<Part>> = Vec::new();
@@ -147,11 +149,11 @@ pub(crate) fn parameters(
         }
     }
     let mut of_joint = Vec::new();
-    for joint in &mut robot.joints {
+    for (k, joint) in robot.joints.iter_mut().enumerate() {
         let link = &links[joint.child];
         let mut items = String::new();
         // Starts of free motions are initial values, which parameters do not name.
-        if matches!(joint.kind, JointKind::Floating) {
+        if matches!(joint.kind, JointKind::Floating) || stay.contains(&k) {
             of_joint.push(items);
             continue;
         }
@@ -173,7 +175,7 @@ pub(crate) fn parameters(
         let ends = [(held.first.0, Some(&mut held.first.1)), (held.second.link, held.second.pose.as_mut())];
         for ((link, pose), prefix) in ends.into_iter().zip(["d", "o"]) {
             let doc = format!("Place of {} on {}, in m.", held.name, robot.links[link].name);
-            let Some(pose) = pose else { continue };
+            let Some(pose) = pose.filter(|_| stay.is_empty()) else { continue };
             // In a turned frame the place is said behind the rotation.
             let is_turned = pose.place.iter().all(Number::is_zero);
             let place = if is_turned { &mut pose.anchor } else { &mut pose.place };

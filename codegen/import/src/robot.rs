@@ -156,6 +156,11 @@ pub(crate) enum Held {
     Point,
     /// A point and an axis through it, in the frame of the first end.
     Axis(Axis),
+    /// A point, and the angle between an axis of the first link and one of the second, each in the frame of its end: a
+    /// cross that turns about both.
+    Cross(Axis, Axis),
+    /// The attitude, and the place but for the way along an axis, in the frame of the first end.
+    Slide(Axis),
     /// A frame.
     Frame,
 }
@@ -168,7 +173,8 @@ pub(crate) struct End {
     pub(crate) pose: Option<Pose>,
 }
 
-/// Two links that the tree does not join: frames of both stay together, or their origins, or an axis of them.
+/// Two links that the tree does not join: frames of both stay together, or
+/// what a joint holds of them.
 #[derive(Clone, Debug)]
 pub(crate) struct Loop {
     pub(crate) name: String,
@@ -201,6 +207,25 @@ pub(crate) struct Robot {
 }
 
 impl Robot {
+    /// The joints from the root to a link.
+    pub(crate) fn chain(&self, link: usize) -> Vec<usize> {
+        let mut chain = Vec::new();
+        let mut at = link;
+        while let Some(k) = self.joints.iter().position(|joint| joint.child == at) {
+            chain.push(k);
+            at = self.joints[k].parent;
+        }
+        chain.reverse();
+        chain
+    }
+
+    /// The joints on both ways from the last link that the ends of a loop share.
+    pub(crate) fn around(&self, closed: &Loop) -> [Vec<usize>; 2] {
+        let [a, b] = [closed.first.0, closed.second.link].map(|link| self.chain(link));
+        let n_shared = a.iter().zip(&b).take_while(|(a, b)| a == b).count();
+        [a[n_shared..].to_vec(), b[n_shared..].to_vec()]
+    }
+
     /// Gravity of the Earth along the third axis.
     pub(crate) fn earth() -> [Number; 3] {
         let g = Number { text: "-9.81".to_owned(), value: -9.81, ..Number::zero() };

@@ -101,8 +101,9 @@ struct Writer<'a> {
     is_declared: Vec<bool>,
 }
 
-/// The items of the model; its documentation comes before.
-pub(crate) fn items(file: &Robot, options: &Options, problems: &mut Problems) -> String {
+/// The items of the model; its documentation comes before. Places and angles of joints are parameters, but for joints
+/// in `stay`.
+pub(crate) fn items(file: &Robot, options: &Options, stay: &[usize], problems: &mut Problems) -> String {
     let robot = file;
     let mut names = Names::new(&RESERVED);
     let mut floats = Floats::reserve(robot, options, &mut names);
@@ -125,7 +126,7 @@ pub(crate) fn items(file: &Robot, options: &Options, problems: &mut Problems) ->
     let carried = vec![None; robot.links.len()];
     let vertical = Vertical::new(&robot.gravity);
     let mut robot = robot.clone();
-    let parameters = parameters(&mut robot, &links, &loop_names, &mut names);
+    let parameters = parameters(&mut robot, &links, &loop_names, stay, &mut names);
     let mut writer = Writer {
         robot: &robot,
         file,
@@ -372,6 +373,8 @@ impl Writer<'_> {
         self.declare_frame_of(k);
         let free = self.floats.of(link);
         self.motion.free(&mut self.out, joint, &name, (&free.spin, &free.velocity));
+        let (place, attitude) = free.pose();
+        self.moved[k] = Some((Some(place.to_owned()), Some(attitude.to_owned())));
         self.floating(link, &start);
     }
 

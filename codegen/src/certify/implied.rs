@@ -1,13 +1,14 @@
 //! Equations between coordinates that a model leaves out, where the equations that are left hold.
 //!
 //! Coordinates next to a place that meets all equations are moved by Newton's method until the others hold; the
-//! equation that was left out has to hold there. Parameters are next to their defaults, so that loops close.
+//! equation that was left out has to hold there. Parameters are next to their defaults, so that loops close. Entries of
+//! rotations are coordinates with the equations `R^T R = 1`.
 //! Does not know: by what an equation was left out, velocities.
 
 use hamel_runtime::Real;
 
-use hamel_expr::{ExprId, SymbolId};
-use hamel_lang::spec::Implied;
+use hamel_expr::{ExprId, Graph, SymbolId};
+use hamel_lang::spec::{Configuration, Implied};
 
 use super::linear::Reduced;
 use super::motion::RATES;
@@ -36,14 +37,28 @@ pub(super) fn check(setting: &Setting<'_>, sheet: &mut Sheet, random: &mut Rando
         };
         let tape = Tape::new(&model.graph, &[implied.residual]);
         let Ok(value) = tape.eval(&env) else { continue };
-        let slopes = model.base.iter().filter_map(|c| {
-            let seeded = setting.seeded(&env, &[(c.symbol, Wide::ONE)]);
+        let slopes = implied.at.iter().filter_map(|(symbol, _)| {
+            let seeded = setting.seeded(&env, &[(*symbol, Wide::ONE)]);
             Some(tape.eval(&seeded).ok()?.roots[0].derivative.size())
         });
         let size = slopes.fold(0.0, f64::max);
         sheet.vanishes(RATES, format!("the implied equation `{}`", implied.text), value.roots[0], size);
     }
     missing
+}
+
+/// `R^T R - 1` of the matrix of a configuration, above the diagonal and on it.
+fn orthogonality(graph: &mut Graph, configuration: &Configuration) -> Vec<ExprId> {
+    let n = configuration.group.n();
+    let entries: Vec<ExprId> = configuration.symbols[..n * n].iter().map(|s| graph.sym(*s)).collect();
+    let column = |i: usize| (0..n).map(|k| entries[k * n + i]).collect::<Vec<ExprId>>();
+    let mut equations = Vec::new();
+    for (i, j) in (0..n).flat_map(|i| (i..n).map(move |j| (i, j))) {
+        let product = graph.dot(&column(i), &column(j));
+        let one = if i == j { graph.one() } else { graph.zero() };
+        equations.push(graph.sub(product, one));
+    }
+    equations
 }
 
 /// Coordinates at which the equations that are left hold.
@@ -55,14 +70,18 @@ fn met(setting: &Setting<'_>, implied: &Implied, random: &mut Random) -> Option<
         let default: Wide = rational(&param.default);
         env.set(param.symbol, default * Wide::exact(1.0 + SPREAD * random.symmetric()));
     }
-    let coordinates: Vec<SymbolId> = model.base.iter().map(|c| c.symbol).collect();
-    for (symbol, at) in coordinates.iter().zip(&implied.at) {
+    for (symbol, at) in &implied.at {
         env.set(*symbol, Wide::exact(at + REACH * random.symmetric()));
     }
+    let coordinates: Vec<SymbolId> = implied.at.iter().map(|(symbol, _)| *symbol).collect();
+    let mut graph = model.graph.clone();
     let known = |e: &ExprId| model.graph.free_symbols(*e).iter().all(|s| env.get(*s).is_some());
-    let left: Vec<ExprId> =
+    let mut left: Vec<ExprId> =
         model.constraints.iter().filter_map(|c| Some(c.position?.residual)).filter(known).collect();
-    let tape = Tape::new(&model.graph, &left);
+    for configuration in model.configurations.iter().filter(|c| env.get(c.symbols[0]).is_some()) {
+        left.extend(orthogonality(&mut graph, configuration));
+    }
+    let tape = Tape::new(&graph, &left);
     for _ in 0..MAX_ITERATIONS {
         let values = tape.eval(&env).ok()?.roots;
         if values.iter().any(|r| !r.all_finite()) {

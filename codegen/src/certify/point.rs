@@ -417,11 +417,10 @@ impl<'a> Setting<'a> {
                 let slopes = slopes.into_iter().map(|slope| Wide::exact(slope.derivative));
                 rows.iter_mut().zip(slopes).for_each(|(row, slope)| row.push(slope));
             }
-            rows.iter_mut().zip(&values).for_each(|(row, r)| row.push(-*r));
             if rows.iter().flatten().any(|x| !x.all_finite()) {
                 return None;
             }
-            let step = Reduced::new(rows, variables.len()).solution(&vec![Wide::ZERO; variables.len()]);
+            let step = shortest(&rows, &values);
             for (symbol, d) in variables.iter().zip(step) {
                 if d.size() == 0.0 {
                     continue;
@@ -497,4 +496,17 @@ fn symbols_by_name(model: &Model, equations: &Equations) -> Vec<(String, SymbolI
     let advected = model.advected.iter().flat_map(|a| a.components.iter().cloned());
     let state = equations.state.iter().map(|s| (s.name.clone(), s.symbol));
     base.chain(advected).chain(state).collect()
+}
+
+/// The shortest `d` with `G d = -r`, `d = G^T mu` with `G G^T mu = -r`: entries of a rotation stay next to one.
+fn shortest(rows: &[Vec<Wide>], values: &[Wide]) -> Vec<Wide> {
+    let dot = |a: &[Wide], b: &[Wide]| a.iter().zip(b).fold(Wide::ZERO, |sum, (a, b)| sum + *a * *b);
+    let system = rows
+        .iter()
+        .zip(values)
+        .map(|(row, r)| rows.iter().map(|other| dot(row, other)).chain([-*r]).collect());
+    let weights = Reduced::new(system.collect(), rows.len()).solution(&vec![Wide::ZERO; rows.len()]);
+    let n = rows.first().map_or(0, Vec::len);
+    let column = |j: usize| rows.iter().zip(&weights).fold(Wide::ZERO, |sum, (row, mu)| sum + row[j] * *mu);
+    (0..n).map(column).collect()
 }

@@ -21,8 +21,16 @@ pub(super) struct Implied {
     graph: Graph,
     /// As written, with the residual.
     equations: Vec<(String, ExprId)>,
+    /// Base coordinates, and entries of configurations.
     coordinates: Vec<(String, SymbolId)>,
     others: BTreeMap<SymbolId, f64>,
+}
+
+fn positions(model: &Model) -> impl Iterator<Item = (String, SymbolId)> {
+    let base = model.base.iter().map(|c| (c.name.clone(), c.symbol));
+    base.chain(
+        model.configurations.iter().flat_map(|c| c.names.iter().cloned().zip(c.symbols.iter().copied())),
+    )
 }
 
 impl Implied {
@@ -35,7 +43,7 @@ impl Implied {
         Some(Implied {
             graph: model.graph.clone(),
             equations: model.implied.iter().map(|e| (e.text.clone(), e.residual)).collect(),
-            coordinates: model.base.iter().map(|c| (c.name.clone(), c.symbol)).collect(),
+            coordinates: positions(model).collect(),
             others: values.chain([(model.time, 0.0)]).collect(),
         })
     }

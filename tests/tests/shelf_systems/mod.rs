@@ -4,6 +4,7 @@ pub(crate) mod actuated;
 pub(crate) mod balls;
 pub(crate) mod bicycles;
 pub(crate) mod flying;
+pub(crate) mod linkages;
 pub(crate) mod matrices;
 pub(crate) mod particles;
 pub(crate) mod rolling;

@@ -324,12 +324,17 @@ impl<'a> Builder<'a, '_> {
         let reader = self.reader;
         let turned = |frame: &str| self.turned(ends, ends.name, frame);
         let Some(own) = joints(reader, ends.element, ends.name, &turned) else { return };
-        let held = match own.first().map(|joint| &joint.kind).filter(|_| own.len() == 1) {
-            Some(JointKind::Fixed) => Held::Frame,
-            Some(JointKind::Revolute(axis)) => Held::Axis(axis.clone()),
-            Some(JointKind::Ball) => Held::Point,
+        let kinds: Vec<&JointKind> = own.iter().map(|joint| &joint.kind).collect();
+        let held = match kinds[..] {
+            [JointKind::Fixed] => Held::Frame,
+            [JointKind::Revolute(axis)] => Held::Axis(axis.clone()),
+            [JointKind::Prismatic(axis)] => Held::Slide(axis.clone()),
+            [JointKind::Revolute(axis), JointKind::Revolute(other)] => {
+                Held::Cross(axis.clone(), other.clone())
+            }
+            [JointKind::Ball] => Held::Point,
             _ => {
-                let help = "let a joint that is revolute, ball or fixed, and that no other one follows, close the loop";
+                let help = "let a joint that is no screw, and that no other one follows, close the loop";
                 let message = format!("joint `{}` closes a loop, and has no equation for that", ends.name);
                 reader.error(&place(ends.element, "name"), message, help);
                 return;
@@ -408,7 +413,7 @@ impl<'a> Builder<'a, '_> {
 }
 
 /// Names of joints that close loops: of several joints with one child the last that has an equation, without a motion
-/// that others follow or forces act along if there is one.
+/// that others follow or forces act along if there is one, and with few equations about axes.
 fn closing<'a>(all: &[Ends<'a>]) -> Vec<&'a str> {
     let kind = |joint: &Ends<'a>| joint.element.attribute("type").unwrap_or_default();
     let has = |joint: &Ends<'a>, tags: &[&str]| {
@@ -428,10 +433,10 @@ fn closing<'a>(all: &[Ends<'a>]) -> Vec<&'a str> {
         let mut own: Vec<&Ends<'a>> = all.iter().filter(|other| other.child == joint.child).collect();
         // The first one stays.
         own.sort_by_key(|joint| {
-            let has_equation = matches!(kind(joint), "revolute" | "continuous" | "ball" | "fixed");
+            let is_simple = matches!(kind(joint), "revolute" | "continuous" | "ball" | "fixed");
             let moves_others = has(joint, &["mimic"]) || is_followed(joint);
             let has_forces = has(joint, &["damping", "friction", "spring_stiffness", "limit"]);
-            (has_equation && !moves_others, !has_forces)
+            (kind(joint) != "screw" && !moves_others, !has_forces, is_simple)
         });
         closing.extend(own.iter().skip(1).map(|joint| joint.name));
     }

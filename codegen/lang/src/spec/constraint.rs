@@ -67,9 +67,9 @@ pub struct Implied {
     pub text: String,
     /// Left side minus right side.
     pub residual: ExprId,
-    /// Coordinates that meet all equations, in the order of the model: equations may have other branches, where it
-    /// does not follow.
-    pub at: Vec<f64>,
+    /// Values of symbols that meet all equations, of coordinates and of entries of configurations that equations
+    /// contain: equations may have other branches, where it does not follow.
+    pub at: Vec<(SymbolId, f64)>,
     /// Where it stands.
     pub span: Option<Span>,
 }

@@ -18,6 +18,7 @@ mod context;
 mod decisive;
 mod diagnostic;
 mod discrete;
+mod displaced;
 mod elaborate;
 mod eval;
 mod eval_algebra;

@@ -4,8 +4,8 @@
 //! Coordinates that meet all equations are found by Newton's method, from the model's initial ones and beside these.
 //! Where the gradients depend on each other at each, and an equation holds wherever the others do, also for other
 //! parameters, it follows from them and is left out, which is told. Certificates hold such equations to 31 digits at
-//! places next to the same ones. Gradients that depend on each other everywhere are left to reduction, which proves
-//! that.
+//! places next to the same ones. Elements of groups of rotations are moved by their velocities, and gradients are those
+//! along the velocities.
 //!
 //! Deliberately does not know: velocities, how constraints are solved.
 //!
@@ -15,6 +15,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::diagnostic::{Diagnostic, Diagnostics};
+use super::displaced::Displaced;
 use super::model::{Constraint, Domain, Implied, Model, PositionEquation};
 use hamel_expr::{ExprId, Graph, SymbolId, rational_to_f64, uniform};
 
@@ -51,18 +52,19 @@ const DEPENDENT: f64 = 1e-4;
 /// Step of central differences.
 const STEP: f64 = 1e-5;
 
-/// Equations at values of everything but the coordinates.
+/// Equations at values of everything but the positions: coordinates, and elements of groups by entries.
 struct Loops<'a> {
     graph: &'a Graph,
     residuals: Vec<ExprId>,
-    coordinates: Vec<SymbolId>,
+    positions: Vec<SymbolId>,
+    displaced: Displaced<'a>,
     others: BTreeMap<SymbolId, f64>,
 }
 
 /// A problem of the equations between coordinates, or one of them that the others imply.
 enum Found {
     Wrong(Diagnostic),
-    Implied { constraint: usize, n_others: usize, at: Vec<f64> },
+    Implied { constraint: usize, n_others: usize, at: Vec<(SymbolId, f64)> },
 }
 
 /// Leaves out equations between coordinates that follow from the others, and tells each; the problem that is left, if
@@ -119,27 +121,34 @@ fn redundant(model: &Model, texts: &[String]) -> Option<Found> {
 /// the next.
 fn redundant_at(model: &Model, texts: &[String], open: Option<[f64; 2]>) -> Option<Found> {
     let graph = &model.graph;
-    let coordinates: Vec<SymbolId> = model.base.iter().map(|c| c.symbol).collect();
-    let params = model.params.iter().map(|p| p.symbol);
-    let known: BTreeSet<SymbolId> = coordinates.iter().copied().chain(params).chain([model.time]).collect();
-    let is_of_coordinates = |e: ExprId| graph.free_symbols(e).is_subset(&known);
-    let of_coordinates =
-        |k: &usize| model.constraints[*k].position.is_some_and(|p| is_of_coordinates(p.residual));
-    let places: Vec<usize> = (0..model.constraints.len()).filter(of_coordinates).collect();
+    let all = Displaced::new(model, true);
+    let coordinates = || model.base.iter().map(|c| c.symbol);
+    let params = || model.params.iter().map(|p| p.symbol);
+    let entries = all.entries().iter().copied();
+    let known: BTreeSet<SymbolId> =
+        coordinates().chain(entries).chain(params()).chain([model.time]).collect();
+    let residual = |k: &usize| model.constraints[*k].position.map(|p| p.residual);
+    let places: Vec<usize> = (0..model.constraints.len())
+        .filter(|k| residual(k).is_some_and(|e| graph.free_symbols(e).is_subset(&known)))
+        .collect();
     let constraints: Vec<&Constraint> = places.iter().map(|k| &model.constraints[*k]).collect();
-    let residuals: Vec<ExprId> = constraints.iter().filter_map(|c| Some(c.position?.residual)).collect();
+    let residuals: Vec<ExprId> = places.iter().filter_map(residual).collect();
     if residuals.len() < 2 {
         return None;
     }
+    let own: BTreeSet<SymbolId> = all.entries().iter().copied().collect();
+    let displaced = match residuals.iter().any(|e| graph.depends_on(*e, &own)) {
+        true => all,
+        false => Displaced::new(model, false),
+    };
     let mut others: BTreeMap<SymbolId, f64> =
         model.params.iter().map(|p| (p.symbol, rational_to_f64(&p.default))).collect();
     others.insert(model.time, 0.0);
-    let mut loops = Loops { graph, residuals, coordinates, others };
+    let positions = coordinates().chain(displaced.entries().iter().copied()).collect();
+    let mut loops = Loops { graph, residuals, positions, displaced, others };
     let mut random = 1;
-    let start = loops.start(model, open);
-    // Reduction leaves these out.
-    let implied = loops.dependent_anywhere(&start, &mut random);
-    let kept: Vec<usize> = (0..constraints.len()).filter(|k| !implied.contains(k)).collect();
+    let start = loops.start(model, open)?;
+    let kept: Vec<usize> = (0..constraints.len()).collect();
     let dependent = loops.dependent(&start, &kept, &mut random)?;
     // One that gives a coordinate says which ones are free: that is for the author to decide.
     let gives = |k: usize| constraints[k].position.and_then(|p| p.determines);
@@ -161,8 +170,9 @@ fn redundant_at(model: &Model, texts: &[String], open: Option<[f64; 2]>) -> Opti
     if let Some(k) = follows.filter(|k| is_general && gives(*k).is_none()) {
         let others = without(&kept, k);
         let met = (0..N_ATTEMPTS)
-            .find_map(|i| loops.met(Loops::beside(&start, REACH / f64::from(8 << i), &mut random), &others));
+            .find_map(|i| loops.met(loops.beside(&start, REACH / f64::from(8 << i), &mut random)?, &others));
         if let Some((at, _)) = met {
+            let at = loops.positions.iter().copied().zip(at).collect();
             return Some(Found::Implied { constraint: places[k], n_others, at });
         }
     }
@@ -190,9 +200,9 @@ fn redundant_at(model: &Model, texts: &[String], open: Option<[f64; 2]>) -> Opti
 }
 
 impl Loops<'_> {
-    /// Coordinates as the model gives them; others as `open` says, or at zero, in the middle of their intervals where
-    /// that is outside.
-    fn start(&self, model: &Model, open: Option<[f64; 2]>) -> Vec<f64> {
+    /// Positions as the model gives them; other coordinates as `open` says, or at zero, in the middle of their
+    /// intervals where that is outside.
+    fn start(&self, model: &Model, open: Option<[f64; 2]>) -> Option<Vec<f64>> {
         let neutral = |k: usize| match model.base[k].domain {
             Domain::Angle | Domain::Real => 0.0,
             Domain::Interval(from, to) => {
@@ -202,38 +212,41 @@ impl Loops<'_> {
         };
         let other = |k: usize| open.map_or_else(|| neutral(k), |[first, apart]| first + apart * k as f64);
         let given = |k: usize| {
-            let (_, e) = model.initial.iter().find(|(name, _)| *name == model.base[k].name)?;
+            let name = self.graph.name(self.positions[k]);
+            let (_, e) = model.initial.iter().find(|(own, _)| own == name)?;
             self.graph.eval_f64(*e, &self.others)
         };
-        (0..self.coordinates.len()).map(|k| given(k).unwrap_or_else(|| other(k))).collect()
+        let is_base = |k: usize| k < model.base.len();
+        (0..self.positions.len()).map(|k| given(k).or_else(|| is_base(k).then(|| other(k)))).collect()
     }
 
     fn values(&self, x: &[f64]) -> Option<Vec<f64>> {
         let mut known = self.others.clone();
-        known.extend(self.coordinates.iter().copied().zip(x.iter().copied()));
+        known.extend(self.positions.iter().copied().zip(x.iter().copied()));
         let values = self.graph.eval_known(&self.residuals, &known);
         self.residuals.iter().map(|e| values.get(e).copied().filter(|x| x.is_finite())).collect()
     }
 
-    /// Gradients, a row for each equation.
+    /// Gradients along the directions, a row for each equation.
     fn gradients(&self, x: &[f64]) -> Option<Vec<Vec<f64>>> {
-        let mut rows = vec![vec![0.0; x.len()]; self.residuals.len()];
-        let mut moved = x.to_vec();
-        for k in 0..x.len() {
-            let step = STEP * (1.0 + x[k].abs());
-            moved[k] = x[k] + step;
-            let ahead = self.values(&moved)?;
-            moved[k] = x[k] - step;
-            let behind = self.values(&moved)?;
-            moved[k] = x[k];
-            for (row, (a, b)) in rows.iter_mut().zip(ahead.iter().zip(&behind)) {
+        let n = self.displaced.n_directions();
+        let mut rows = vec![vec![0.0; n]; self.residuals.len()];
+        for k in 0..n {
+            let step =
+                STEP * (1.0 + x.get(k).filter(|_| k < self.displaced.n_base()).map_or(0.0, |x| x.abs()));
+            let at = |d: f64| {
+                let mut along = vec![0.0; n];
+                along[k] = d;
+                self.values(&self.displaced.moved(x, &along, &self.others)?)
+            };
+            for (row, (a, b)) in rows.iter_mut().zip(at(step)?.iter().zip(&at(-step)?)) {
                 row[k] = (a - b) / (2.0 * step);
             }
         }
         Some(rows)
     }
 
-    /// Coordinates next to others that meet some equations, with the gradients there.
+    /// Positions next to others that meet some equations, with the gradients there.
     fn met(&self, mut x: Vec<f64>, some: &[usize]) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
         for _ in 0..MAX_ITERATIONS {
             let (values, rows) = (self.values(&x)?, self.gradients(&x)?);
@@ -241,7 +254,7 @@ impl Loops<'_> {
             if some.iter().all(is_met) {
                 return Some((x, rows));
             }
-            let n = x.len();
+            let n = self.displaced.n_directions();
             let mut matrix = vec![vec![0.0; n + 1]; n];
             for k in some {
                 for i in 0..n {
@@ -254,40 +267,26 @@ impl Loops<'_> {
             let step = solve(matrix)?;
             // Steps of half a radian stay on the branch.
             let part = (0.5 / length(&step)).min(1.0);
-            x.iter_mut().zip(step).for_each(|(x, d)| *x += part * d);
+            let step: Vec<f64> = step.into_iter().map(|d| part * d).collect();
+            x = self.displaced.moved(&x, &step, &self.others)?;
         }
         None
     }
 
-    fn beside(start: &[f64], reach: f64, random: &mut u64) -> Vec<f64> {
-        start.iter().map(|x| x + reach * (2.0 * uniform(random) - 1.0)).collect()
-    }
-
-    /// Equations whose gradients depend on those before them everywhere.
-    fn dependent_anywhere(&self, start: &[f64], random: &mut u64) -> BTreeSet<usize> {
-        let all: Vec<usize> = (0..self.residuals.len()).collect();
-        let mut found: Option<BTreeSet<usize>> = None;
-        for _ in 0..2 {
-            let Some(rows) = self.gradients(&Self::beside(start, REACH, random)) else {
-                return BTreeSet::new();
-            };
-            let here = (1..all.len()).filter(|k| depends(&rows, *k, &all[..*k])).collect();
-            found = Some(match found {
-                None => here,
-                Some(before) => before.intersection(&here).copied().collect(),
-            });
-        }
-        found.unwrap_or_default()
+    fn beside(&self, start: &[f64], reach: f64, random: &mut u64) -> Option<Vec<f64>> {
+        let n = self.displaced.n_directions();
+        let by: Vec<f64> = (0..n).map(|_| reach * (2.0 * uniform(random) - 1.0)).collect();
+        self.displaced.moved(start, &by, &self.others)
     }
 
     /// The equations whose gradients depend on the gradients of the others wherever all are met, if any are.
     fn dependent(&self, start: &[f64], kept: &[usize], random: &mut u64) -> Option<Vec<usize>> {
         let mut found: Vec<usize> = kept.to_vec();
         let sizes: Vec<f64> =
-            self.gradients(&Self::beside(start, REACH, random))?.iter().map(|row| length(row)).collect();
+            self.gradients(&self.beside(start, REACH, random)?)?.iter().map(|row| length(row)).collect();
         for _ in 0..N_POINTS {
             let (_, mut rows) = (0..N_ATTEMPTS)
-                .find_map(|k| self.met(Self::beside(start, REACH / f64::from(1 << k), random), kept))?;
+                .find_map(|k| self.met(self.beside(start, REACH / f64::from(1 << k), random)?, kept))?;
             for (row, size) in rows.iter_mut().zip(&sizes) {
                 if length(row) < DEPENDENT * size {
                     row.fill(0.0);
@@ -307,7 +306,7 @@ impl Loops<'_> {
         let others = without(kept, k);
         (0..N_POINTS).all(|_| {
             let found =
-                (0..N_ATTEMPTS).find_map(|_| self.met(Self::beside(start, REACH / 4.0, random), &others));
+                (0..N_ATTEMPTS).find_map(|_| self.met(self.beside(start, REACH / 4.0, random)?, &others));
             found.is_some_and(|(x, rows)| {
                 self.values(&x).is_some_and(|values| values[k].abs() <= IMPLIED * (1.0 + length(&rows[k])))
             })
