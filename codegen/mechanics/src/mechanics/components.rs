@@ -124,8 +124,8 @@ impl<'a> Components<'a> {
         }
     }
 
-    /// Whether a velocity is a sum of such without torsion: then it has none, which is linear in the velocity. Those of
-    /// points of a chain in the plane have a part for each body before, and share them.
+    /// Whether a velocity is a sum of velocities without torsion: torsion is linear, and the sum has none, either.
+    /// Points of a chain in the plane have a part for each body before them, and share these parts.
     fn is_sum_of_straight(&mut self, g: &mut Graph, value: ExprId) -> bool {
         let Node::Sum { constant, terms } = g.node(value) else { return false };
         if !constant.is_zero() {

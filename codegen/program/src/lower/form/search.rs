@@ -514,7 +514,7 @@ impl Search<'_> {
         best.map(|(_, candidate)| candidate)
     }
 
-    /// Every polynomial multiplied out; none where the roots have more than `most` terms then.
+    /// Every polynomial multiplied out, unless the roots have more than `most` terms then.
     fn all_flat(&mut self, entries: &[Entry], most: usize) -> Option<Vec<Entry>> {
         let mut candidate = entries.to_vec();
         let mut n_terms = 0;
