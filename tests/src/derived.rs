@@ -2,8 +2,8 @@
 //!
 //! A scene is kept in the folder of what is compiled, under a hash of the sources of the generator, of the text of its
 //! model, and of its name. `tests/tests/compiled.rs` takes none from there: it derives every scene of the repository,
-//! holds it to its certificate, compares it with the generated module, which `cargo xtask generate --check` makes anew as
-//! well, and keeps it for the others.
+//! holds it to its certificate, compares it with the generated module, which `cargo xtask generate --check` makes anew
+//! as well, and keeps it for the others.
 //!
 //! Does not know: equations, how a scene is derived.
 

@@ -29,8 +29,8 @@ const ALL: [(&str, &str); 4] = [
     ("PROPTEST_CASES", "1000"),
 ];
 
-/// What cargo builds of the workspace: everything that has tests. Examples take 90 s of CPU to compile, and no test runs
-/// them: `cargo clippy --all-targets` checks their types, and they are built at length alone.
+/// What cargo builds of the workspace: everything that has tests. Examples take 90 s of CPU to compile, and no test
+/// runs them: `cargo clippy --all-targets` checks their types, and they are built at length alone.
 const TARGETS: &str = "--tests";
 
 /// Where cargo-nextest writes its report, by `.config/nextest.toml`.
