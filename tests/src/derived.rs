@@ -2,12 +2,12 @@
 //!
 //! A scene is kept in the folder of what is compiled, under a hash of the sources of the generator, of the text of its
 //! model, and of its name. `tests/tests/compiled.rs` takes none from there: it derives every scene of the repository,
-//! holds it to its certificate, and compares it with the generated module, which `cargo xtask generate --check` makes
-//! anew as well.
+//! holds it to its certificate, compares it with the generated module, which `cargo xtask generate --check` makes anew
+//! as well, and keeps it for the others.
 //!
 //! Does not know: equations, how a scene is derived.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -110,6 +110,18 @@ impl Derived {
     pub fn matrices(&self) -> &[Matrix] {
         &self.matrices
     }
+
+    /// Roles of its functions, and their operations: where a few scenes stand for all, each of these is in one of them.
+    pub fn kinds(&self) -> BTreeSet<String> {
+        let mut kinds = BTreeSet::new();
+        for function in &self.program.functions {
+            kinds.insert(function.role.name().to_owned());
+            kinds
+                .extend(function.instructions.iter().map(|i| format!("{:?}", std::mem::discriminant(&i.op))));
+            kinds.extend(function.contractions.first().map(|_| "contraction".to_owned()));
+        }
+        kinds
+    }
 }
 
 impl Deref for Derived {
@@ -129,6 +141,26 @@ pub fn model_of_text(name: &str, text: &str) -> spec::Model {
     model.and_then(|model| read_totals_of_file(model, &specs)).unwrap_or_else(|e| panic!("{e}"))
 }
 
+/// Under which a scene is kept.
+fn key_of(model: &str, text: &str, scene: &str) -> Key {
+    // Maps of quotients are made from the texts of other models as well.
+    let parsed = text.contains("reduces").then(|| model_of_text(model, text));
+    let totals = parsed.iter().flat_map(|parsed| &parsed.totals);
+    let totals: Vec<&str> = totals.filter_map(|total| Some(total.origin.as_ref()?.text.as_str())).collect();
+    Key::of(&(env!("HAMEL_SOURCES"), model, text, scene, totals))
+}
+
+fn store() -> Option<Store> {
+    folder().map(|folder| Store::new(folder, MAX_BYTES))
+}
+
+/// Keeps a scene that was derived from a text, for programs that come later.
+pub fn keep(model: &str, text: &str, built: &BuiltScene) {
+    if let (Some(store), Ok(derived)) = (store(), serde_json::to_string(&Derived::of(model, built))) {
+        store.keep(key_of(model, text, built.name()), &derived);
+    }
+}
+
 /// A scene of a model with a text: from memory, or from the folder, or derived.
 ///
 /// # Panics
@@ -136,28 +168,20 @@ pub fn model_of_text(name: &str, text: &str) -> spec::Model {
 pub fn scene_of_text(model: &str, text: &str, scene: &str) -> &'static Derived {
     type Scenes = BTreeMap<String, &'static OnceLock<Derived>>;
     static SCENES: Mutex<Scenes> = Mutex::new(BTreeMap::new());
-    // Maps of quotients are made from the texts of other models as well.
-    let parsed = text.contains("reduces").then(|| model_of_text(model, text));
-    let totals = parsed.iter().flat_map(|parsed| &parsed.totals);
-    let totals: Vec<&str> = totals.filter_map(|total| Some(total.origin.as_ref()?.text.as_str())).collect();
-    let key = Key::of(&(env!("HAMEL_SOURCES"), model, text, scene, totals));
+    let key = key_of(model, text, scene);
     let mut scenes = SCENES.lock().unwrap_or_else(PoisonError::into_inner);
     let cell = *scenes.entry(key.name()).or_insert_with(|| Box::leak(Box::default()));
     drop(scenes);
     cell.get_or_init(|| {
-        let store = folder().map(|folder| Store::new(folder, MAX_BYTES));
-        let kept = store.as_ref().and_then(|store| store.read(key));
+        let kept = store().and_then(|store| store.read(key));
         let kept = kept.and_then(|text| serde_json::from_str::<Derived>(&text).ok());
         if let Some(kept) = kept.filter(|kept| kept.executable.verify().is_ok()) {
             return kept;
         }
         let built = scene::build(&model_of_text(model, text), scene)
             .unwrap_or_else(|e| panic!("{model} {scene}: {e}"));
-        let derived = Derived::of(model, &built);
-        if let (Some(store), Ok(text)) = (store, serde_json::to_string(&derived)) {
-            store.keep(key, &text);
-        }
-        derived
+        keep(model, text, &built);
+        Derived::of(model, &built)
     })
 }
 

@@ -278,11 +278,7 @@ fn scenes_in_c_equal_the_interpreter_bit_for_bit() {
     let mut scenes = Vec::new();
     for (name, scene) in generated() {
         let n_seen = seen.len();
-        for function in &derived(name, scene).program.functions {
-            seen.insert(function.role.name().to_owned());
-            seen.extend(function.instructions.iter().map(|i| format!("{:?}", std::mem::discriminant(&i.op))));
-            seen.extend(function.contractions.first().map(|_| "contraction".to_owned()));
-        }
+        seen.extend(derived(name, scene).kinds());
         if at_length() || seen.len() > n_seen {
             let built = build(name, scene);
             let initial = initial_state(&model(name), &built);

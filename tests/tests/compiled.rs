@@ -4,7 +4,8 @@ use hamel_codegen::scene::{self, BuiltScene};
 use hamel_jit::Compiled;
 use hamel_program::program::{Point, Role, Run};
 use hamel_runtime::{Dual, F64x4, Failure, Real, Scene, StateVector};
-use hamel_tests::models::{build, build_from_shelf, model, names, names_on_shelf};
+use hamel_tests::derived::keep;
+use hamel_tests::models::{build, build_from_shelf, model, names, names_on_shelf, text};
 use hamel_tests::random::Random;
 
 fn same_bits(what: &str, compiled: &[f64], interpreted: &[f64]) {
@@ -184,6 +185,7 @@ macro_rules! compare_all {
         fn compare_every_scene() -> Vec<usize> {
             vec![$({
                 let built = build($model, $scene);
+                keep($model, &text($model), &built);
                 use hamel_models::generated::$module::Prepared;
                 let counts = [
                     compare_in_memory(&built),

@@ -29,6 +29,10 @@ const ALL: [(&str, &str); 4] = [
     ("PROPTEST_CASES", "1000"),
 ];
 
+/// What cargo builds of the workspace: everything that has tests. Examples take 90 s of CPU to compile, and no test
+/// runs them: `cargo clippy --all-targets` checks their types, and they are built at length alone.
+const TARGETS: &str = "--tests";
+
 /// Where cargo-nextest writes its report, by `.config/nextest.toml`.
 const REPORT: &str = "target/nextest/default/junit.xml";
 
@@ -42,7 +46,7 @@ Examples:
   cargo xtask test --timings
   cargo xtask test --all          what .ci/nightly runs")]
 pub(crate) struct Arguments {
-    /// Also what takes long: more random draws, and every model where a few stand for all
+    /// Also what takes long: more random draws, every model where a few stand for all, and the examples
     #[arg(long)]
     all: bool,
     /// Print the ten slowest tests of the workspace; without cargo-nextest every test is a process of its own then
@@ -74,8 +78,10 @@ struct Step<'a> {
 /// [`Error::Failed`] with the step that failed; later steps are not run.
 pub(crate) fn test(repository: &Repository, arguments: &Arguments) -> Result<String, Error> {
     let downstream = repository.root().join("tests/downstream");
-    // They share one directory for what they compile: the generator above all.
+    // The last two share one directory for what they compile: the generator above all. The adapters share nothing with
+    // the workspace, and `.ci/run` compiles them beside it.
     let compiled = repository.root().join("target/downstream");
+    let adapters = repository.root().join("target/adapters");
     let (root, target) = (repository.root(), Some(compiled.as_path()));
     let programs = "tests of the workspace";
     let mut slowest = Vec::new();
@@ -86,6 +92,12 @@ pub(crate) fn test(repository: &Repository, arguments: &Arguments) -> Result<Str
         };
         Ok(())
     })?];
+    let examples = Step {
+        name: "cargo build --workspace --examples",
+        folder: root,
+        arguments: &["build", "--workspace", "--examples"],
+        target: None,
+    };
     let steps = [
         Step {
             name: "cargo test --workspace --doc",
@@ -105,7 +117,7 @@ pub(crate) fn test(repository: &Repository, arguments: &Arguments) -> Result<Str
                 "--config",
                 "profile.dev.package.\"*\".opt-level=0",
             ],
-            target: None,
+            target: Some(&adapters),
         },
         Step {
             name: "cargo test in tests/downstream",
@@ -120,7 +132,7 @@ pub(crate) fn test(repository: &Repository, arguments: &Arguments) -> Result<Str
             target,
         },
     ];
-    for step in &steps {
+    for step in arguments.all.then_some(&examples).into_iter().chain(&steps) {
         passed.push(timed(step.name, || {
             let mut command = cargo(arguments);
             command.args(step.arguments).current_dir(step.folder);
@@ -174,7 +186,7 @@ fn has_nextest() -> bool {
 /// Has cargo-nextest build and run the tests of the workspace, and reads the time of each from its report.
 fn by_nextest(root: &Path, step: &str, arguments: &Arguments) -> Result<Vec<(String, f64)>, Error> {
     let mut command = cargo(arguments);
-    command.args(["nextest", "run", "--workspace"]).current_dir(root);
+    command.args(["nextest", "run", "--workspace", TARGETS]).current_dir(root);
     command.args(arguments.all.then_some(["--run-ignored", "all"]).into_iter().flatten());
     succeeded(step, command.status().map_err(|e| Error::io("cargo could not be started", e))?)?;
     let report = root.join(REPORT);
@@ -292,7 +304,7 @@ impl Job<'_> {
 /// timed, each runs as a process of its own.
 fn side_by_side(root: &Path, step: &str, arguments: &Arguments) -> Result<Vec<(String, f64)>, Error> {
     let mut command = cargo(arguments);
-    command.args(["test", "--workspace", "--no-run", "--message-format", "json-render-diagnostics"]);
+    command.args(["test", "--workspace", TARGETS, "--no-run", "--message-format", "json-render-diagnostics"]);
     let mut build = (command.current_dir(root).stdout(Stdio::piped()).spawn())
         .map_err(|e| Error::io("cargo could not be started", e))?;
     let lines = BufReader::new(build.stdout.take().expect("a pipe"));

@@ -6,6 +6,7 @@
 //! * Every file of a program of tests is a module of its `main.rs`.
 //! * Phrases of comments that readers stumble over become fewer, never more.
 //! * Lock files beside the workspace agree with the manifests.
+//! * Builds of single packages turn on the features of the whole workspace.
 //! * No line is longer than [`MAX_COLUMNS`](source::MAX_COLUMNS) columns.
 //!
 //! Exceptions are lists in [`known`], each with its reason. An exception that nothing needs any more is a problem, too.
@@ -13,6 +14,7 @@
 //! Does not know: what a module does.
 
 mod english;
+mod features;
 mod imports;
 mod known;
 mod layers;
@@ -54,6 +56,7 @@ pub(crate) fn tidy(repository: &Repository, wrap: bool) -> Result<String, Error>
     }
     let mut problems = problems(&sources);
     problems.extend(locks::problems(repository.root())?);
+    problems.extend(features::problems(repository.root())?);
     if problems.is_empty() {
         let wrapped = if wrap { format!(", {n_wrapped} rewritten") } else { String::new() };
         return Ok(format!("{} files are tidy{wrapped}", sources.len()));
