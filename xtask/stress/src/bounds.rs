@@ -47,6 +47,7 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("charged_particle", "drift", [5.0, 32.0, 2.0, 32.0]),
     ("charged_particle", "implicit", [5.0, 32.0, 5.0, 32.0]),
     ("clebsch_body", "default", [3.0, 32.0, 4.0, 32.0]),
+    ("double_cardan_joint", "default", [74.0, 1e12, 5.0, 1e11]),
     ("double_spherical_pendulum", "default", [15.0, 1e14, 12.0, 32.0]),
     ("double_spherical_pendulum", "exact", [8.0, 32.0, 8.0, 32.0]),
     ("double_spherical_pendulum", "fast", [16.0, 1e14, 8.0, 32.0]),
@@ -145,6 +146,7 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("snakeboard", "taylor", [4.0, 32.0, 4.0, 32.0]),
     ("spherical_robot", "default", [11.0, 1e9, 7.0, 1e5]),
     ("steklov_body", "default", [5.0, 32.0, 4.0, 32.0]),
+    ("stewart_platform", "default", [8.0, 1e11, 9.0, 1e8]),
     ("suslov", "default", [4.0, 32.0, 4.0, 32.0]),
     ("suslov", "invariants", [5.0, 32.0, 4.0, 32.0]),
     ("suslov", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
@@ -299,6 +301,16 @@ const LOSING: &[Losing] = &[
         ],
     },
     Losing {
+        model: "double_cardan_joint",
+        reason: "Crosses at angles where the axes of a joint lie in one plane; multipliers not looked for.",
+        functions: &[
+            ("default", RHS, 1e11),
+            ("default", OUTPUTS, 1e11),
+            ("default", BUILT_RHS, 1e12),
+            ("default", BUILT_OUTPUTS, 1e13),
+        ],
+    },
+    Losing {
         model: "double_spherical_pendulum",
         reason: "With a rod next to the vertical the last Schur complement and its right side are small differences.",
         functions: &[
@@ -412,6 +424,16 @@ const LOSING: &[Losing] = &[
             ("default", OUTPUTS, 1e5),
             ("default", BUILT_RHS, 1e13),
             ("default", BUILT_OUTPUTS, 1e14),
+        ],
+    },
+    Losing {
+        model: "stewart_platform",
+        reason: "Legs of random lengths beside a plate of another size; not looked for.",
+        functions: &[
+            ("default", RHS, 1e10),
+            ("default", OUTPUTS, 1e8),
+            ("default", BUILT_RHS, 1e9),
+            ("default", BUILT_OUTPUTS, 1e9),
         ],
     },
     Losing {
