@@ -13,9 +13,8 @@ use hamel_program::program::{Point, Program, Role};
 use hamel_runtime::{
     Differentiable, Dop853, DoubleDouble, Dual, Integrator, Options, Real, Scene, StateVector, System,
 };
-use hamel_tests::at_length;
 use hamel_tests::derived::{Derived, scene_of_text};
-use hamel_tests::models::{self, build};
+use hamel_tests::models::{self, build, names};
 use hamel_tests::reference;
 use hamel_tests::tracked::{Tracked, unit_in_the_last_place};
 
@@ -25,13 +24,6 @@ const BOUND: f64 = 16.0;
 /// The same of models whose rates are long sums: the factors of a full matrix of six velocities, in parameters alone,
 /// are multiplied into every term, of which some cancel: twice the measured distance.
 const LONG_SUMS: [(&str, f64); 2] = [("body_in_fluid", 34.0), ("body_in_fluid_by_translations", 58.0)];
-
-/// Every third model; every model at length. What costs is to derive a scene with all derivatives for each. A rule of
-/// differentiation that is wrong shows in many models, and the derivatives of every scene that ships are held to their
-/// definition by its certificate, in `compiled.rs`.
-fn names() -> Vec<String> {
-    models::names().into_iter().step_by(if at_length() { 1 } else { 3 }).collect()
-}
 
 fn vector(random: &mut Random, n: usize) -> Vec<f64> {
     (0..n).map(|_| random.number()).collect()

@@ -83,7 +83,7 @@ pub const INITIAL: [f64; 15] = [0.9, 0.2, -0.6, 0.8, -0.5, 0.3, 1.0, 0.0, 0.0, 0
 ///
 /// Held to its definition at 3 points: 5 functions.
 ///
-/// Function `rhs` has rounding errors of up to 71 times what rounding the inputs does, 5e6 times with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `rhs` has rounding errors of up to 47 times what rounding the inputs does, 5e6 times with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
 /// # State
 ///
@@ -252,7 +252,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain body_in_fluid_by_translations
     /// ```
     ///
-    /// Operations: 163 additions, 235 multiplications (163 fused), 3 divisions.
+    /// Operations: 175 additions, 244 multiplications (169 fused), 3 divisions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 15], dy: &mut [R; 15]) {
         let [v1, v2, v3, Omega1, Omega2, Omega3, R11, R12, R13, R21, R22, R23, R31, R32, R33] = *y;
@@ -287,39 +287,45 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let dL_dR31_over_J3 = v3 * t3;
         let dL_dR32_over_J3 = v3 * t4;
         let dL_dR33_over_J3 = v3 * t5;
-        let t6 = fma(v2, dot_R21, v1 * dot_R11);
-        let t7 = fma(v3, dot_R31, t6);
-        let t8 = self.c40 * R11;
-        let t9 = fma(v2, dot_R22, v1 * dot_R12);
-        let t10 = fma(v3, dot_R32, t9);
-        let t11 = self.c41 * R12;
-        let t12 = fma(v2, dot_R23, v1 * dot_R13);
-        let t13 = fma(v3, dot_R33, t12);
-        let t14 = self.c42 * R13;
-        let r_v1_over_J3 = fma(-dot_R13, t5, fma(-dot_R12, t4, fma(-dot_R11, t3, fma(-t13, t14, fma(-t10, t11, -(t7 * t8))))));
-        let t15 = self.c43 * R21;
-        let t16 = self.c44 * R22;
-        let t17 = self.c45 * R23;
-        let r_v2_over_J3 = fma(-dot_R23, t5, fma(-dot_R22, t4, fma(-dot_R21, t3, fma(-t13, t17, fma(-t10, t16, -(t7 * t15))))));
+        let t6 = self.c40 * R11;
+        let t7 = self.c41 * R12;
+        let t8 = self.c42 * R13;
+        let t9 = v3 * dot_R32;
+        let t10 = v3 * dot_R31;
+        let t11 = v3 * dot_R33;
+        let r_v1_over_J3 = fma(-dot_R13, fma(v1, t8, t5), fma(-dot_R12, fma(v1, t7, t4), fma(-dot_R11, fma(v1, t6, t3), fma(-t8, fma(v2, dot_R23, t11), fma(-t6, fma(v2, dot_R21, t10), -(t7 * fma(v2, dot_R22, t9)))))));
+        let t12 = self.c43 * R21;
+        let t13 = self.c44 * R22;
+        let t14 = self.c45 * R23;
+        let t15 = v1 * dot_R13;
+        let t16 = v1 * dot_R11;
+        let t17 = v1 * dot_R12;
+        let r_v2_over_J3 = fma(-dot_R23, fma(v2, t14, t5), fma(-dot_R22, fma(v2, t13, t4), fma(-dot_R21, fma(v2, t12, t3), fma(-t13, t9 + t17, fma(-t12, t10 + t16, -(t14 * (t11 + t15)))))));
         let t18 = self.c46 * R31;
         let t19 = self.c47 * R32;
         let t20 = self.c48 * R33;
-        let r_v3_over_J3 = fma(-dot_R33, fma(v3, t20, t5), fma(-dot_R32, fma(v3, t19, t4), fma(-dot_R31, fma(v3, t18, t3), fma(-t6, t18, fma(-t9, t19, -(t12 * t20))))));
-        let t21 = fma(R23, dL_dR22_over_J3, fma(R13, dL_dR12_over_J3, fma(-Omega2, p_Omega3_over_J3, fma(Omega3, p_Omega2_over_J3, fma(-t13, self.c51, fma(-t10, self.c50, -(self.c49 * t7)))))));
-        let r_Omega1_over_J3 = fma(-R32, dL_dR33_over_J3, fma(-R22, dL_dR23_over_J3, fma(-R12, dL_dR13_over_J3, fma(R33, dL_dR32_over_J3, t21))));
-        let t22 = fma(R21, dL_dR23_over_J3, fma(R11, dL_dR13_over_J3, fma(-Omega3, p_Omega1_over_J3, fma(Omega1, p_Omega3_over_J3, fma(-t13, self.c54, fma(-t10, self.c53, -(self.c52 * t7)))))));
-        let r_Omega2_over_J3 = fma(-R33, dL_dR31_over_J3, fma(-R23, dL_dR21_over_J3, fma(-R13, dL_dR11_over_J3, fma(R31, dL_dR33_over_J3, t22))));
-        let t23 = fma(R22, dL_dR21_over_J3, fma(R12, dL_dR11_over_J3, fma(-Omega1, p_Omega2_over_J3, fma(Omega2, p_Omega1_over_J3, fma(-t13, self.c57, fma(-t10, self.c56, -(self.c55 * t7)))))));
-        let r_Omega3_over_J3 = fma(-R31, dL_dR32_over_J3, fma(-R21, dL_dR22_over_J3, fma(-R11, dL_dR12_over_J3, fma(R32, dL_dR31_over_J3, t23))));
+        let t21 = fma(v2, dot_R23, t15);
+        let t22 = fma(v2, dot_R22, t17);
+        let t23 = fma(v2, dot_R21, t16);
+        let r_v3_over_J3 = fma(-dot_R33, fma(v3, t20, t5), fma(-dot_R32, fma(v3, t19, t4), fma(-dot_R31, fma(v3, t18, t3), fma(-t18, t23, fma(-t19, t22, -(t20 * t21))))));
+        let t24 = t10 + t23;
+        let t25 = t9 + t22;
+        let t26 = t11 + t21;
+        let t27 = fma(R23, dL_dR22_over_J3, fma(R13, dL_dR12_over_J3, fma(-Omega2, p_Omega3_over_J3, fma(Omega3, p_Omega2_over_J3, fma(-t26, self.c51, fma(-t25, self.c50, -(self.c49 * t24)))))));
+        let r_Omega1_over_J3 = fma(-R32, dL_dR33_over_J3, fma(-R22, dL_dR23_over_J3, fma(-R12, dL_dR13_over_J3, fma(R33, dL_dR32_over_J3, t27))));
+        let t28 = fma(R21, dL_dR23_over_J3, fma(R11, dL_dR13_over_J3, fma(-Omega3, p_Omega1_over_J3, fma(Omega1, p_Omega3_over_J3, fma(-t26, self.c54, fma(-t25, self.c53, -(self.c52 * t24)))))));
+        let r_Omega2_over_J3 = fma(-R33, dL_dR31_over_J3, fma(-R23, dL_dR21_over_J3, fma(-R13, dL_dR11_over_J3, fma(R31, dL_dR33_over_J3, t28))));
+        let t29 = fma(R22, dL_dR21_over_J3, fma(R12, dL_dR11_over_J3, fma(-Omega1, p_Omega2_over_J3, fma(Omega2, p_Omega1_over_J3, fma(-t26, self.c57, fma(-t25, self.c56, -(self.c55 * t24)))))));
+        let r_Omega3_over_J3 = fma(-R31, dL_dR32_over_J3, fma(-R21, dL_dR22_over_J3, fma(-R11, dL_dR12_over_J3, fma(R32, dL_dR31_over_J3, t29))));
         // mass matrix A = W^T L_yy Psi
-        let A_v1_v1_over_J3 = fma(R11, t8, fma(R13, t14, R12 * t11));
-        let A_v1_v2_over_J3 = fma(R22, t11, fma(R11, t15, R13 * t17));
-        let A_v1_v3_over_J3 = fma(R11, t18, fma(R13, t20, R12 * t19));
+        let A_v1_v1_over_J3 = fma(R11, t6, fma(R13, t8, R12 * t7));
+        let A_v1_v2_over_J3 = fma(R11, t12, fma(R13, t14, R12 * t13));
+        let A_v1_v3_over_J3 = fma(R31, t6, fma(R33, t8, R32 * t7));
         let A_v1_Omega1_over_J3 = fma(R11, self.c60, fma(R13, self.c59, self.c58 * R12));
         let A_v1_Omega2_over_J3 = fma(R11, self.c63, fma(R13, self.c62, self.c61 * R12));
         let A_v1_Omega3_over_J3 = fma(R11, self.c66, fma(R13, self.c65, self.c64 * R12));
-        let A_v2_v2_over_J3 = fma(R21, t15, fma(R23, t17, R22 * t16));
-        let A_v2_v3_over_J3 = fma(R21, t18, fma(R23, t20, R22 * t19));
+        let A_v2_v2_over_J3 = fma(R21, t12, fma(R23, t14, R22 * t13));
+        let A_v2_v3_over_J3 = fma(R31, t12, fma(R33, t14, R32 * t13));
         let A_v2_Omega1_over_J3 = fma(R21, self.c69, fma(R23, self.c68, self.c67 * R22));
         let A_v2_Omega2_over_J3 = fma(R21, self.c72, fma(R23, self.c71, self.c70 * R22));
         let A_v2_Omega3_over_J3 = fma(R21, self.c75, fma(R23, self.c74, self.c73 * R22));
@@ -352,22 +358,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_s6_2_2_over_J3 = fma(-A_v2_Omega3_over_J3, A_v2_Omega3_over_J3, A_s5_2_2_over_J3);
         let A_s6_2_3_over_J3 = fma(-A_v2_Omega3_over_J3, A_v3_Omega3_over_J3, A_s5_2_3_over_J3);
         let A_s6_3_3_over_J3 = fma(-A_v3_Omega3_over_J3, A_v3_Omega3_over_J3, A_s5_3_3_over_J3);
-        let t24 = A_s6_1_1_over_J3.recip();
-        let A_l2_1 = A_s6_1_2_over_J3 * t24;
-        let A_l3_1 = A_s6_1_3_over_J3 * t24;
+        let t30 = A_s6_1_1_over_J3.recip();
+        let A_l2_1 = A_s6_1_2_over_J3 * t30;
+        let A_l3_1 = A_s6_1_3_over_J3 * t30;
         let A_s1_2_2_over_J3 = fma(-A_s6_1_2_over_J3, A_l2_1, A_s6_2_2_over_J3);
         let A_s1_2_3_over_J3 = fma(-A_s6_1_3_over_J3, A_l2_1, A_s6_2_3_over_J3);
         let A_s1_3_3_over_J3 = fma(-A_s6_1_3_over_J3, A_l3_1, A_s6_3_3_over_J3);
-        let t25 = A_s1_2_2_over_J3.recip();
-        let A_l3_2 = A_s1_2_3_over_J3 * t25;
+        let t31 = A_s1_2_2_over_J3.recip();
+        let A_l3_2 = A_s1_2_3_over_J3 * t31;
         let A_s2_3_3_over_J3 = fma(-A_s1_2_3_over_J3, A_l3_2, A_s1_3_3_over_J3);
         // substitution through the factors of A
         let z_v1_over_J3 = fma(-r_Omega3_over_J3, A_v1_Omega3_over_J3, fma(-r_Omega2_over_J3, A_l1_5, fma(-r_Omega1_over_J3, A_l1_4, r_v1_over_J3)));
         let z_v2_over_J3 = fma(-A_l2_1, z_v1_over_J3, fma(-r_Omega3_over_J3, A_v2_Omega3_over_J3, fma(-r_Omega2_over_J3, A_l2_5, fma(-r_Omega1_over_J3, A_l2_4, r_v2_over_J3))));
         let z_v3_over_J3 = fma(-A_l3_2, z_v2_over_J3, fma(-A_l3_1, z_v1_over_J3, fma(-r_Omega3_over_J3, A_v3_Omega3_over_J3, fma(-r_Omega2_over_J3, A_l3_5, fma(-r_Omega1_over_J3, A_l3_4, r_v3_over_J3)))));
         let dot_v3 = z_v3_over_J3 / A_s2_3_3_over_J3;
-        let dot_v2 = fma(-A_l3_2, dot_v3, z_v2_over_J3 * t25);
-        let dot_v1 = fma(-A_l2_1, dot_v2, fma(-A_l3_1, dot_v3, z_v1_over_J3 * t24));
+        let dot_v2 = fma(-A_l3_2, dot_v3, z_v2_over_J3 * t31);
+        let dot_v1 = fma(-A_l2_1, dot_v2, fma(-A_l3_1, dot_v3, z_v1_over_J3 * t30));
         let dot_Omega3 = fma(-A_v1_Omega3_over_J3, dot_v1, fma(-A_v2_Omega3_over_J3, dot_v2, fma(-A_v3_Omega3_over_J3, dot_v3, r_Omega3_over_J3)));
         let dot_Omega2 = fma(-A_l1_5, dot_v1, fma(-A_l2_5, dot_v2, fma(-A_l3_5, dot_v3, self.c85 * r_Omega2_over_J3)));
         let dot_Omega1 = fma(-A_l1_4, dot_v1, fma(-A_l2_4, dot_v2, fma(-A_l3_4, dot_v3, self.c86 * r_Omega1_over_J3)));
@@ -446,20 +452,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         // mass matrix A = W^T L_yy Psi
         let t0 = self.c20 * R12;
-        let A_v1_v1_over_J3 = fma(R11, self.c16 * R11, fma(R13, self.c24 * R13, R12 * t0));
-        let t1 = self.c24 * R23;
-        let t2 = R13 * t1;
-        let t3 = self.c16 * R21;
-        let t4 = R11 * t3;
-        let t5 = R22 * t0;
-        let A_v1_v2_over_J3 = t2 + t4 + t5;
-        let t6 = self.c20 * R32;
-        let t7 = R12 * t6;
-        let t8 = self.c24 * R33;
-        let t9 = R13 * t8;
-        let t10 = self.c16 * R31;
-        let t11 = R11 * t10;
-        let A_v1_v3_over_J3 = t7 + t9 + t11;
+        let t1 = self.c24 * R13;
+        let t2 = self.c16 * R11;
+        let A_v1_v1_over_J3 = fma(R11, t2, fma(R13, t1, R12 * t0));
+        let t3 = self.c20 * R22;
+        let t4 = R12 * t3;
+        let t5 = self.c24 * R23;
+        let t6 = R13 * t5;
+        let t7 = self.c16 * R21;
+        let t8 = R11 * t7;
+        let A_v1_v2_over_J3 = t4 + t6 + t8;
+        let t9 = R32 * t0;
+        let t10 = R33 * t1;
+        let t11 = R31 * t2;
+        let A_v1_v3_over_J3 = t9 + t10 + t11;
         let t12 = self.c4 * R12;
         let t13 = self.c5 * R13;
         let t14 = self.c3 * R11;
@@ -472,10 +478,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t19 = self.c12 * R13;
         let t20 = self.c10 * R11;
         let A_v1_Omega3_over_J3 = t18 + t19 + t20;
-        let A_v2_v2_over_J3 = fma(R21, t3, fma(R23, t1, self.c20 * R22 * R22));
-        let t21 = R22 * t6;
-        let t22 = R23 * t8;
-        let t23 = R21 * t10;
+        let A_v2_v2_over_J3 = fma(R21, t7, fma(R23, t5, R22 * t3));
+        let t21 = R32 * t3;
+        let t22 = R33 * t5;
+        let t23 = R31 * t7;
         let A_v2_v3_over_J3 = t21 + t22 + t23;
         let t24 = self.c4 * R22;
         let t25 = self.c5 * R23;
@@ -489,7 +495,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t31 = self.c12 * R23;
         let t32 = self.c10 * R21;
         let A_v2_Omega3_over_J3 = t30 + t31 + t32;
-        let A_v3_v3_over_J3 = fma(R31, t10, fma(R33, t8, R32 * t6));
+        let A_v3_v3_over_J3 = fma(R31, self.c16 * R31, fma(R33, self.c24 * R33, self.c20 * R32 * R32));
         let t33 = self.c4 * R32;
         let t34 = self.c5 * R33;
         let t35 = self.c3 * R31;
@@ -578,7 +584,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t83 = A_v2_Omega2_over_J3.abs();
         let t84 = R::from_f64(11.0) * (t30.abs() + t31.abs() + t32.abs());
         let t85 = A_v2_Omega3_over_J3.abs();
-        let t86 = fma(R::from_f64(10.0), t55.abs(), fma(t84, t73, fma(t72, t85, fma(t80, t70, fma(R::from_f64(2.0), A_v1_v2_over_J3.abs(), fma(t76, t67, R::from_f64(11.0) * (t2.abs() + t4.abs() + t5.abs())))))));
+        let t86 = fma(R::from_f64(10.0), t55.abs(), fma(t84, t73, fma(t72, t85, fma(t80, t70, fma(R::from_f64(2.0), A_v1_v2_over_J3.abs(), fma(t76, t67, R::from_f64(11.0) * (t4.abs() + t6.abs() + t8.abs())))))));
         let t87 = fma(R::from_f64(2.0), A_s5_1_2_over_J3.abs(), fma(R::from_f64(2.0), A_s4_1_2_over_J3.abs(), fma(t71, t83, fma(t68, t79, fma(R::from_f64(10.0), t49.abs(), fma(R::from_f64(10.0), t43.abs(), t86))))));
         let t88 = A_l2_1.abs();
         let t89 = t60 * t60;
@@ -595,7 +601,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t100 = A_v3_Omega2_over_J3.abs();
         let t101 = R::from_f64(11.0) * (t39.abs() + t40.abs() + t41.abs());
         let t102 = A_v3_Omega3_over_J3.abs();
-        let t103 = fma(t101, t73, fma(t72, t102, fma(t98, t70, fma(R::from_f64(2.0), A_v1_v3_over_J3.abs(), fma(t95, t67, R::from_f64(11.0) * (t7.abs() + t9.abs() + t11.abs()))))));
+        let t103 = fma(t101, t73, fma(t72, t102, fma(t98, t70, fma(R::from_f64(2.0), A_v1_v3_over_J3.abs(), fma(t95, t67, R::from_f64(11.0) * (t9.abs() + t10.abs() + t11.abs()))))));
         let t104 = fma(R::from_f64(2.0), A_s4_1_3_over_J3.abs(), fma(t71, t100, fma(t68, t97, fma(R::from_f64(10.0), t50.abs(), fma(R::from_f64(10.0), t44.abs(), fma(R::from_f64(10.0), t56.abs(), t103))))));
         let t105 = fma(R::from_f64(2.0), A_s5_1_3_over_J3.abs(), t104);
         let t106 = A_l3_1.abs();
@@ -634,23 +640,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         // mass matrix A = W^T L_yy Psi
         let t0 = self.c20 * R12;
-        let A_v1_v1_over_J3 = fma(R11, self.c16 * R11, fma(R13, self.c24 * R13, R12 * t0));
-        let t1 = self.c24 * R23;
-        let t2 = self.c16 * R21;
-        let A_v1_v2_over_J3 = fma(R22, t0, fma(R11, t2, R13 * t1));
-        let t3 = self.c20 * R32;
-        let t4 = self.c24 * R33;
-        let t5 = self.c16 * R31;
-        let A_v1_v3_over_J3 = fma(R11, t5, fma(R13, t4, R12 * t3));
+        let t1 = self.c24 * R13;
+        let t2 = self.c16 * R11;
+        let A_v1_v1_over_J3 = fma(R11, t2, fma(R13, t1, R12 * t0));
+        let t3 = self.c20 * R22;
+        let t4 = self.c24 * R23;
+        let t5 = self.c16 * R21;
+        let A_v1_v2_over_J3 = fma(R11, t5, fma(R13, t4, R12 * t3));
+        let A_v1_v3_over_J3 = fma(R31, t2, fma(R33, t1, R32 * t0));
         let A_v1_Omega1_over_J3 = fma(R11, self.c3, fma(R13, self.c5, self.c4 * R12));
         let A_v1_Omega2_over_J3 = fma(R11, self.c7, fma(R13, self.c9, self.c8 * R12));
         let A_v1_Omega3_over_J3 = fma(R11, self.c10, fma(R13, self.c12, self.c11 * R12));
-        let A_v2_v2_over_J3 = fma(R21, t2, fma(R23, t1, self.c20 * R22 * R22));
-        let A_v2_v3_over_J3 = fma(R21, t5, fma(R23, t4, R22 * t3));
+        let A_v2_v2_over_J3 = fma(R21, t5, fma(R23, t4, R22 * t3));
+        let A_v2_v3_over_J3 = fma(R31, t5, fma(R33, t4, R32 * t3));
         let A_v2_Omega1_over_J3 = fma(R21, self.c3, fma(R23, self.c5, self.c4 * R22));
         let A_v2_Omega2_over_J3 = fma(R21, self.c7, fma(R23, self.c9, self.c8 * R22));
         let A_v2_Omega3_over_J3 = fma(R21, self.c10, fma(R23, self.c12, self.c11 * R22));
-        let A_v3_v3_over_J3 = fma(R31, t5, fma(R33, t4, R32 * t3));
+        let A_v3_v3_over_J3 = fma(R31, self.c16 * R31, fma(R33, self.c24 * R33, self.c20 * R32 * R32));
         let A_v3_Omega1_over_J3 = fma(R31, self.c3, fma(R33, self.c5, self.c4 * R32));
         let A_v3_Omega2_over_J3 = fma(R31, self.c7, fma(R33, self.c9, self.c8 * R32));
         let A_v3_Omega3_over_J3 = fma(R31, self.c10, fma(R33, self.c12, self.c11 * R32));

@@ -91,7 +91,7 @@ pub const TOTAL_PARAMS: &[&str] = &["J1", "J2", "J3", "M1", "M2", "M3", "C11", "
 ///
 /// Held to its definition at 3 points: 6 functions.
 ///
-/// Function `rhs` has rounding errors of up to 2e3 times what rounding the inputs does, 2e6 times with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `rhs` has rounding errors of up to 4e3 times what rounding the inputs does, 1e6 times with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
 /// Function `energy` has rounding errors of up to 87 times what rounding the inputs does, 4e4 times with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
@@ -107,45 +107,36 @@ pub const TOTAL_PARAMS: &[&str] = &["J1", "J2", "J3", "M1", "M2", "M3", "C11", "
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub struct Prepared<R = f64> {
-    M1: R, M2: R, M3: R, C11: R, C12: R, C13: R, C21: R, C22: R, C23: R, C31: R, C32: R, C33: R,
-    c0: R, // M2 / M1
-    c1: R, // M3 / M1
-    c2: R, // J1 * M1
-    c3: R, // J2 * M1
-    c4: R, // J3 * M1
-    c5: R, // M1 * C32 / M2
-    c6: R, // M1 * C33 / M3
-    c7: R, // 0.5 * J1
-    c8: R, // 0.5 * J2
-    c9: R, // 0.5 * J3
-    c10: R, // 0.5 * M1
-    c11: R, // 0.5 * M2
-    c12: R, // 0.5 * M3
-    c13: R, // 10 * J1 * M1
-    c14: R, // 10 * J2 * M1
-    c15: R, // 10 * J3 * M1
-    c16: R, // C21 / M1
-    c17: R, // C31 / M1
-    c18: R, // C11 / M1
-    c19: R, // C22 / M2
-    c20: R, // C32 / M2
-    c21: R, // C12 / M2
-    c22: R, // C23 / M3
-    c23: R, // C33 / M3
-    c24: R, // C13 / M3
-    c25: R, // M2 / M1
-    c26: R, // J1 * M1
-    c27: R, // J2 * M1
-    c28: R, // J3 * M1
-    c29: R, // M2 / M1
-    c30: R, // M3 / M1
+    J1: R, J2: R, J3: R, M1: R, M2: R, M3: R, C11: R, C12: R, C13: R, C21: R, C22: R, C23: R, C31: R, C32: R,
+    C33: R,
+    c0: R, // 1 / M1
+    c1: R, // 1 / M2
+    c2: R, // 1 / M3
+    c3: R, // 0.5 * J1
+    c4: R, // 0.5 * J2
+    c5: R, // 0.5 * J3
+    c6: R, // 0.5 * M1
+    c7: R, // 0.5 * M2
+    c8: R, // 0.5 * M3
+    c9: R, // 10 * J1
+    c10: R, // 10 * J2
+    c11: R, // 10 * J3
+    c12: R, // C21 / M1
+    c13: R, // C31 / M1
+    c14: R, // C11 / M1
+    c15: R, // C22 / M2
+    c16: R, // C32 / M2
+    c17: R, // C12 / M2
+    c18: R, // C23 / M3
+    c19: R, // C33 / M3
+    c20: R, // C13 / M3
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 17 multiplications, 13 divisions.
+    /// Operations: 9 multiplications, 12 divisions.
     ///
     /// # Errors
     ///
@@ -153,11 +144,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         INFO.require_finite(&params.to_array())?;
         let Params { J1, J2, J3, M1, M2, M3, C11, C12, C13, C21, C22, C23, C31, C32, C33 } = *params;
-        let t0 = M2 / M1;
-        let t1 = M3 / M1;
-        let t2 = J1 * M1;
-        let t3 = J2 * M1;
-        let t4 = J3 * M1;
         ::hamel_runtime::ParamError::require(J1.all_gt(R::ZERO), "J1 > 0", "")?;
         ::hamel_runtime::ParamError::require(J2.all_gt(R::ZERO), "J2 > 0", "")?;
         ::hamel_runtime::ParamError::require(J3.all_gt(R::ZERO), "J3 > 0", "")?;
@@ -165,15 +151,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ::hamel_runtime::ParamError::require(M2.all_gt(R::ZERO), "M2 > 0", "")?;
         ::hamel_runtime::ParamError::require(M3.all_gt(R::ZERO), "M3 > 0", "")?;
         Ok(Self {
-            M1, M2, M3, C11, C12, C13, C21, C22, C23, C31, C32, C33, c0: t0, c1: t1, c2: t2, c3: t3, c4: t4,
-            c5: M1 * C32 / M2, c6: M1 * C33 / M3, c7: R::from_f64(0.5) * J1, c8: R::from_f64(0.5) * J2,
-            c9: R::from_f64(0.5) * J3, c10: R::from_f64(0.5) * M1, c11: R::from_f64(0.5) * M2,
-            c12: R::from_f64(0.5) * M3,
-            c13: R::from_f64(10.0) * J1 * M1,
-            c14: R::from_f64(10.0) * J2 * M1,
-            c15: R::from_f64(10.0) * J3 * M1,
-            c16: C21 / M1, c17: C31 / M1, c18: C11 / M1, c19: C22 / M2, c20: C32 / M2, c21: C12 / M2, c22: C23 / M3,
-            c23: C33 / M3, c24: C13 / M3, c25: t0, c26: t2, c27: t3, c28: t4, c29: t0, c30: t1,
+            J1, J2, J3, M1, M2, M3, C11, C12, C13, C21, C22, C23, C31, C32, C33, c0: M1.recip(), c1: M2.recip(),
+            c2: M3.recip(), c3: R::from_f64(0.5) * J1, c4: R::from_f64(0.5) * J2, c5: R::from_f64(0.5) * J3,
+            c6: R::from_f64(0.5) * M1, c7: R::from_f64(0.5) * M2, c8: R::from_f64(0.5) * M3,
+            c9: R::from_f64(10.0) * J1, c10: R::from_f64(10.0) * J2, c11: R::from_f64(10.0) * J3, c12: C21 / M1,
+            c13: C31 / M1, c14: C11 / M1, c15: C22 / M2, c16: C32 / M2, c17: C12 / M2, c18: C23 / M3, c19: C33 / M3,
+            c20: C13 / M3,
         })
     }
 
@@ -185,95 +168,98 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain body_in_fluid_by_translations
     /// ```
     ///
-    /// Operations: 192 additions, 268 multiplications (187 fused), 6 divisions.
+    /// Operations: 194 additions, 277 multiplications (188 fused), 6 divisions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 15], dy: &mut [R; 15]) {
         let [p1, p2, p3, Omega1, Omega2, Omega3, R11, R12, R13, R21, R22, R23, R31, R32, R33] = *y;
         let _ = t;
         // mass matrix A = W^T L_yy Psi
-        let t0 = self.c0 * R12;
-        let t1 = self.c1 * R13;
-        let A_v1_v1_over_M1 = fma(R13, t1, fma(R12, t0, R11 * R11));
-        let t2 = self.c1 * R23;
-        let A_v1_v2_over_M1 = fma(R22, t0, fma(R13, t2, R11 * R21));
-        let t3 = self.c1 * R33;
-        let A_v1_v3_over_M1 = fma(R32, t0, fma(R13, t3, R11 * R31));
+        let t0 = self.M1 * R11;
+        let t1 = self.M2 * R12;
+        let t2 = self.M3 * R13;
+        let A_v1_v1 = fma(R13, t2, fma(R12, t1, R11 * t0));
+        let t3 = self.M1 * R21;
+        let t4 = self.M2 * R22;
+        let t5 = self.M3 * R23;
+        let A_v1_v2 = fma(R13, t5, fma(R12, t4, R11 * t3));
+        let A_v1_v3 = fma(R33, t2, fma(R32, t1, R31 * t0));
         let A_v1_Omega1 = fma(R13, self.C13, fma(R12, self.C12, self.C11 * R11));
         let A_v1_Omega2 = fma(R13, self.C23, fma(R12, self.C22, self.C21 * R11));
         let A_v1_Omega3 = fma(R13, self.C33, fma(R12, self.C32, self.C31 * R11));
-        let t4 = self.c25 * R22;
-        let A_v2_v2_over_M1 = fma(R23, t2, fma(R22, t4, R21 * R21));
-        let t5 = self.c0 * R32;
-        let A_v2_v3_over_M1 = fma(R23, t3, fma(R22, t5, R21 * R31));
+        let A_v2_v2 = fma(R23, t5, fma(R22, t4, R21 * t3));
+        let A_v2_v3 = fma(R33, t5, fma(R32, t4, R31 * t3));
         let A_v2_Omega1 = fma(R23, self.C13, fma(R22, self.C12, self.C11 * R21));
         let A_v2_Omega2 = fma(R23, self.C23, fma(R22, self.C22, self.C21 * R21));
         let A_v2_Omega3 = fma(R23, self.C33, fma(R22, self.C32, self.C31 * R21));
-        let A_v3_v3_over_M1 = fma(R33, t3, fma(R32, t5, R31 * R31));
+        let t6 = self.M1 * R31;
+        let t7 = self.M2 * R32;
+        let t8 = self.M3 * R33;
+        let A_v3_v3 = fma(R33, t8, fma(R32, t7, R31 * t6));
         let A_v3_Omega1 = fma(R33, self.C13, fma(R32, self.C12, self.C11 * R31));
         let A_v3_Omega2 = fma(R33, self.C23, fma(R32, self.C22, self.C21 * R31));
         let A_v3_Omega3 = fma(R33, self.C33, fma(R32, self.C32, self.C31 * R31));
         // factors of A
-        let t6 = A_v1_v1_over_M1.recip();
-        let A_l2_1 = A_v1_v2_over_M1 * t6;
-        let A_l3_1 = A_v1_v3_over_M1 * t6;
-        let A_l4_1_scaled = A_v1_Omega1 * t6;
-        let A_l5_1_scaled = A_v1_Omega2 * t6;
-        let A_l6_1_scaled = A_v1_Omega3 * t6;
-        let A_s1_2_2_over_M1 = fma(-A_v1_v2_over_M1, A_l2_1, A_v2_v2_over_M1);
-        let A_s1_2_3_over_M1 = fma(-A_v1_v3_over_M1, A_l2_1, A_v2_v3_over_M1);
+        let t9 = A_v1_v1.recip();
+        let A_l2_1 = A_v1_v2 * t9;
+        let A_l3_1 = A_v1_v3 * t9;
+        let A_l4_1 = A_v1_Omega1 * t9;
+        let A_l5_1 = A_v1_Omega2 * t9;
+        let A_l6_1 = A_v1_Omega3 * t9;
+        let A_s1_2_2 = fma(-A_v1_v2, A_l2_1, A_v2_v2);
+        let A_s1_2_3 = fma(-A_v1_v3, A_l2_1, A_v2_v3);
         let A_s1_2_4 = fma(-A_v1_Omega1, A_l2_1, A_v2_Omega1);
         let A_s1_2_5 = fma(-A_v1_Omega2, A_l2_1, A_v2_Omega2);
         let A_s1_2_6 = fma(-A_v1_Omega3, A_l2_1, A_v2_Omega3);
-        let A_s1_3_3_over_M1 = fma(-A_v1_v3_over_M1, A_l3_1, A_v3_v3_over_M1);
+        let A_s1_3_3 = fma(-A_v1_v3, A_l3_1, A_v3_v3);
         let A_s1_3_4 = fma(-A_v1_Omega1, A_l3_1, A_v3_Omega1);
         let A_s1_3_5 = fma(-A_v1_Omega2, A_l3_1, A_v3_Omega2);
         let A_s1_3_6 = fma(-A_v1_Omega3, A_l3_1, A_v3_Omega3);
-        let A_s1_4_4_scaled = fma(-A_v1_Omega1, A_l4_1_scaled, self.c2);
-        let A_s1_5_5_scaled = fma(-A_v1_Omega2, A_l5_1_scaled, self.c3);
-        let A_s1_6_6_scaled = fma(-A_v1_Omega3, A_l6_1_scaled, self.c4);
-        let t7 = A_s1_2_2_over_M1.recip();
-        let A_l3_2 = A_s1_2_3_over_M1 * t7;
-        let A_l4_2_scaled = A_s1_2_4 * t7;
-        let A_l5_2_scaled = A_s1_2_5 * t7;
-        let A_l6_2_scaled = A_s1_2_6 * t7;
-        let A_s2_3_3_over_M1 = fma(-A_s1_2_3_over_M1, A_l3_2, A_s1_3_3_over_M1);
+        let A_s1_4_4 = fma(-A_v1_Omega1, A_l4_1, self.J1);
+        let A_s1_5_5 = fma(-A_v1_Omega2, A_l5_1, self.J2);
+        let A_s1_6_6 = fma(-A_v1_Omega3, A_l6_1, self.J3);
+        let t10 = A_s1_2_2.recip();
+        let A_l3_2 = A_s1_2_3 * t10;
+        let A_l4_2 = A_s1_2_4 * t10;
+        let A_l5_2 = A_s1_2_5 * t10;
+        let A_l6_2 = A_s1_2_6 * t10;
+        let A_s2_3_3 = fma(-A_s1_2_3, A_l3_2, A_s1_3_3);
         let A_s2_3_4 = fma(-A_s1_2_4, A_l3_2, A_s1_3_4);
         let A_s2_3_5 = fma(-A_s1_2_5, A_l3_2, A_s1_3_5);
         let A_s2_3_6 = fma(-A_s1_2_6, A_l3_2, A_s1_3_6);
-        let A_s2_4_4_scaled = fma(-A_s1_2_4, A_l4_2_scaled, A_s1_4_4_scaled);
-        let A_s2_4_5_scaled = fma(-A_s1_2_5, A_l4_2_scaled, -(A_v1_Omega2 * A_l4_1_scaled));
-        let A_s2_4_6_scaled = fma(-A_s1_2_6, A_l4_2_scaled, -(A_v1_Omega3 * A_l4_1_scaled));
-        let A_s2_5_5_scaled = fma(-A_s1_2_5, A_l5_2_scaled, A_s1_5_5_scaled);
-        let A_s2_5_6_scaled = fma(-A_s1_2_6, A_l5_2_scaled, -(A_v1_Omega3 * A_l5_1_scaled));
-        let A_s2_6_6_scaled = fma(-A_s1_2_6, A_l6_2_scaled, A_s1_6_6_scaled);
-        let t8 = A_s2_3_3_over_M1.recip();
-        let A_l4_3_scaled = A_s2_3_4 * t8;
-        let A_l5_3_scaled = A_s2_3_5 * t8;
-        let A_l6_3_scaled = A_s2_3_6 * t8;
-        let A_s3_4_4_scaled = fma(-A_s2_3_4, A_l4_3_scaled, A_s2_4_4_scaled);
-        let A_s3_4_5_scaled = fma(-A_s2_3_5, A_l4_3_scaled, A_s2_4_5_scaled);
-        let A_s3_4_6_scaled = fma(-A_s2_3_6, A_l4_3_scaled, A_s2_4_6_scaled);
-        let A_s3_5_5_scaled = fma(-A_s2_3_5, A_l5_3_scaled, A_s2_5_5_scaled);
-        let A_s3_5_6_scaled = fma(-A_s2_3_6, A_l5_3_scaled, A_s2_5_6_scaled);
-        let A_s3_6_6_scaled = fma(-A_s2_3_6, A_l6_3_scaled, A_s2_6_6_scaled);
-        let t9 = A_s3_4_4_scaled.recip();
-        let A_l5_4 = A_s3_4_5_scaled * t9;
-        let A_l6_4 = A_s3_4_6_scaled * t9;
-        let A_s4_5_5_scaled = fma(-A_s3_4_5_scaled, A_l5_4, A_s3_5_5_scaled);
-        let A_s4_5_6_scaled = fma(-A_s3_4_6_scaled, A_l5_4, A_s3_5_6_scaled);
-        let A_s4_6_6_scaled = fma(-A_s3_4_6_scaled, A_l6_4, A_s3_6_6_scaled);
-        let t10 = A_s4_5_5_scaled.recip();
-        let A_l6_5 = A_s4_5_6_scaled * t10;
-        let A_s5_6_6_scaled = fma(-A_s4_5_6_scaled, A_l6_5, A_s4_6_6_scaled);
+        let A_s2_4_4 = fma(-A_s1_2_4, A_l4_2, A_s1_4_4);
+        let A_s2_4_5 = fma(-A_s1_2_5, A_l4_2, -(A_v1_Omega2 * A_l4_1));
+        let A_s2_4_6 = fma(-A_s1_2_6, A_l4_2, -(A_v1_Omega3 * A_l4_1));
+        let A_s2_5_5 = fma(-A_s1_2_5, A_l5_2, A_s1_5_5);
+        let A_s2_5_6 = fma(-A_s1_2_6, A_l5_2, -(A_v1_Omega3 * A_l5_1));
+        let A_s2_6_6 = fma(-A_s1_2_6, A_l6_2, A_s1_6_6);
+        let t11 = A_s2_3_3.recip();
+        let A_l4_3 = A_s2_3_4 * t11;
+        let A_l5_3 = A_s2_3_5 * t11;
+        let A_l6_3 = A_s2_3_6 * t11;
+        let A_s3_4_4 = fma(-A_s2_3_4, A_l4_3, A_s2_4_4);
+        let A_s3_4_5 = fma(-A_s2_3_5, A_l4_3, A_s2_4_5);
+        let A_s3_4_6 = fma(-A_s2_3_6, A_l4_3, A_s2_4_6);
+        let A_s3_5_5 = fma(-A_s2_3_5, A_l5_3, A_s2_5_5);
+        let A_s3_5_6 = fma(-A_s2_3_6, A_l5_3, A_s2_5_6);
+        let A_s3_6_6 = fma(-A_s2_3_6, A_l6_3, A_s2_6_6);
+        let t12 = A_s3_4_4.recip();
+        let A_l5_4 = A_s3_4_5 * t12;
+        let A_l6_4 = A_s3_4_6 * t12;
+        let A_s4_5_5 = fma(-A_s3_4_5, A_l5_4, A_s3_5_5);
+        let A_s4_5_6 = fma(-A_s3_4_6, A_l5_4, A_s3_5_6);
+        let A_s4_6_6 = fma(-A_s3_4_6, A_l6_4, A_s3_6_6);
+        let t13 = A_s4_5_5.recip();
+        let A_l6_5 = A_s4_5_6 * t13;
+        let A_s5_6_6 = fma(-A_s4_5_6, A_l6_5, A_s4_6_6);
         // velocities of the momenta pi = W^T dL/dy
         let q_v1 = fma(-Omega3, A_v1_Omega3, fma(-Omega2, A_v1_Omega2, fma(-Omega1, A_v1_Omega1, p1)));
         let q_v2 = fma(-Omega3, A_v2_Omega3, fma(-Omega2, A_v2_Omega2, fma(-Omega1, A_v2_Omega1, p2)));
         let q_v3 = fma(-Omega3, A_v3_Omega3, fma(-Omega2, A_v3_Omega2, fma(-Omega1, A_v3_Omega1, p3)));
         let c_v2 = fma(-A_l2_1, q_v1, q_v2);
         let c_v3 = fma(-A_l3_2, c_v2, fma(-A_l3_1, q_v1, q_v3));
-        let t11 = c_v3 * t8;
-        let v2_scaled = fma(-A_l3_2, t11, c_v2 * t7);
-        let v1_scaled = fma(-A_l2_1, v2_scaled, fma(-A_l3_1, t11, q_v1 * t6));
+        let v3 = c_v3 * t11;
+        let v2 = fma(-A_l3_2, v3, c_v2 * t10);
+        let v1 = fma(-A_l2_1, v2, fma(-A_l3_1, v3, q_v1 * t9));
         // kinematics xdot = rho y
         let dot_R11 = fma(-Omega2, R13, Omega3 * R12);
         let dot_R12 = fma(-Omega3, R11, Omega1 * R13);
@@ -285,56 +271,56 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let dot_R32 = fma(-Omega3, R31, Omega1 * R33);
         let dot_R33 = fma(-Omega1, R32, Omega2 * R31);
         // momenta p = dL/dy
-        let t12 = R21 * v2_scaled;
-        let t13 = fma(R11, v1_scaled, fma(R31, t11, t12));
-        let t14 = fma(R12, v1_scaled, fma(R22, v2_scaled, R32 * t11));
-        let t15 = fma(R13, v1_scaled, fma(R23, v2_scaled, R33 * t11));
-        let p_Omega1_scaled = fma(t13, self.C11, fma(t15, self.C13, fma(t14, self.C12, self.c26 * Omega1)));
-        let p_Omega2_scaled = fma(t13, self.C21, fma(t15, self.C23, fma(t14, self.C22, self.c27 * Omega2)));
-        let p_Omega3_scaled = fma(t13, self.C31, fma(t15, self.C33, fma(t14, self.C32, self.c28 * Omega3)));
+        let t14 = fma(R11, v1, fma(R21, v2, R31 * v3));
+        let t15 = fma(R12, v1, fma(R22, v2, R32 * v3));
+        let t16 = fma(R13, v1, fma(R23, v2, R33 * v3));
+        let p_Omega1 = fma(t16, self.C13, fma(t15, self.C12, fma(t14, self.C11, self.J1 * Omega1)));
+        let p_Omega2 = fma(t16, self.C23, fma(t15, self.C22, fma(t14, self.C21, self.J2 * Omega2)));
+        let p_Omega3 = fma(t16, self.C33, fma(t15, self.C32, fma(t14, self.C31, self.J3 * Omega3)));
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let t16 = fma(Omega1, self.C11, fma(Omega3, self.C31, fma(Omega2, self.C21, t13)));
-        let dL_dR11_scaled = v1_scaled * t16;
-        let t17 = fma(self.c29, fma(Omega3, self.c5, t14), fma(Omega2, self.C22, self.C12 * Omega1));
-        let dL_dR12_scaled = v1_scaled * t17;
-        let t18 = fma(self.c30, fma(Omega3, self.c6, t15), fma(Omega2, self.C23, self.C13 * Omega1));
-        let dL_dR13_scaled = v1_scaled * t18;
-        let dL_dR21_scaled = v2_scaled * t16;
-        let dL_dR22_scaled = v2_scaled * t17;
-        let dL_dR23_scaled = v2_scaled * t18;
-        let dL_dR31_scaled = t11 * t16;
-        let dL_dR32_scaled = t11 * t17;
-        let dL_dR33_scaled = t11 * t18;
-        let t19 = v1_scaled * dot_R11;
-        let t20 = fma(t11, dot_R31, t19);
-        let t21 = fma(v2_scaled, dot_R21, t20);
-        let t22 = t11 * dot_R33;
-        let t23 = fma(v2_scaled, dot_R23, t22);
-        let t24 = v2_scaled * dot_R22;
-        let r_v1 = fma(-dot_R11, t16, fma(-dot_R13, fma(t1, v1_scaled, t18), fma(-dot_R12, fma(t0, v1_scaled, t17), fma(-R11, t21, fma(-t0, fma(t11, dot_R32, t24), -(t1 * t23))))));
-        let t25 = v1_scaled * dot_R12;
-        let t26 = fma(t11, dot_R32, t25);
-        let t27 = v1_scaled * dot_R13;
-        let r_v2 = fma(-dot_R21, t12 + t16, fma(-dot_R23, fma(t2, v2_scaled, t18), fma(-dot_R22, fma(t4, v2_scaled, t17), fma(-t2, t22 + t27, fma(-t4, t26, -(R21 * t20))))));
-        let t28 = fma(-dot_R33, fma(t3, t11, t18), fma(-dot_R32, fma(t5, t11, t17), fma(-t5, t24 + t25, fma(-t3, fma(v2_scaled, dot_R23, t27), -(R31 * fma(v2_scaled, dot_R21, t19))))));
-        let r_v3 = fma(-dot_R31, fma(R31, t11, t16), t28);
-        let t29 = t24 + t26;
-        let t30 = t23 + t27;
-        let t31 = fma(Omega3, p_Omega2_scaled, fma(R33, dL_dR32_scaled, fma(R23, dL_dR22_scaled, fma(R13, dL_dR12_scaled, fma(-t29, self.C12, fma(-t21, self.C11, -(self.C13 * t30)))))));
-        let r_Omega1_scaled = fma(-Omega2, p_Omega3_scaled, fma(-R32, dL_dR33_scaled, fma(-R22, dL_dR23_scaled, fma(-R12, dL_dR13_scaled, t31))));
-        let t32 = fma(Omega1, p_Omega3_scaled, fma(R31, dL_dR33_scaled, fma(R21, dL_dR23_scaled, fma(R11, dL_dR13_scaled, fma(-t29, self.C22, fma(-t21, self.C21, -(self.C23 * t30)))))));
-        let r_Omega2_scaled = fma(-R33, dL_dR31_scaled, fma(-R23, dL_dR21_scaled, fma(-R13, dL_dR11_scaled, fma(-Omega3, p_Omega1_scaled, t32))));
-        let t33 = fma(-R31, dL_dR32_scaled, fma(-R21, dL_dR22_scaled, fma(-R11, dL_dR12_scaled, fma(Omega2, p_Omega1_scaled, fma(-t29, self.C32, fma(-t21, self.C31, -(self.C33 * t30)))))));
-        let r_Omega3_scaled = fma(R32, dL_dR31_scaled, fma(R22, dL_dR21_scaled, fma(R12, dL_dR11_scaled, fma(-Omega1, p_Omega2_scaled, t33))));
+        let t17 = self.M1 * fma(self.c0, fma(Omega3, self.C31, fma(Omega2, self.C21, self.C11 * Omega1)), t14);
+        let dL_dR11 = v1 * t17;
+        let t18 = self.M2 * fma(self.c1, fma(Omega3, self.C32, fma(Omega2, self.C22, self.C12 * Omega1)), t15);
+        let dL_dR12 = v1 * t18;
+        let t19 = self.M3 * fma(self.c2, fma(Omega3, self.C33, fma(Omega2, self.C23, self.C13 * Omega1)), t16);
+        let dL_dR13 = v1 * t19;
+        let dL_dR21 = v2 * t17;
+        let dL_dR22 = v2 * t18;
+        let dL_dR23 = v2 * t19;
+        let dL_dR31 = v3 * t17;
+        let dL_dR32 = v3 * t18;
+        let dL_dR33 = v3 * t19;
+        let t20 = v3 * dot_R31;
+        let t21 = v3 * dot_R33;
+        let t22 = v3 * dot_R32;
+        let t23 = fma(-dot_R12, fma(t1, v1, t18), fma(-dot_R11, fma(t0, v1, t17), fma(-t1, fma(v2, dot_R22, t22), fma(-t2, fma(v2, dot_R23, t21), -(t0 * fma(v2, dot_R21, t20))))));
+        let r_v1 = fma(-dot_R13, fma(t2, v1, t19), t23);
+        let t24 = v1 * dot_R11;
+        let t25 = v1 * dot_R13;
+        let t26 = v1 * dot_R12;
+        let r_v2 = fma(-dot_R23, fma(t5, v2, t19), fma(-dot_R22, fma(t4, v2, t18), fma(-dot_R21, fma(t3, v2, t17), fma(-t4, t22 + t26, fma(-t5, t21 + t25, -(t3 * (t20 + t24)))))));
+        let t27 = fma(v2, dot_R23, t25);
+        let t28 = fma(v2, dot_R22, t26);
+        let t29 = fma(v2, dot_R21, t24);
+        let r_v3 = fma(-dot_R33, fma(t8, v3, t19), fma(-dot_R32, fma(t7, v3, t18), fma(-dot_R31, fma(t6, v3, t17), fma(-t6, t29, fma(-t7, t28, -(t8 * t27))))));
+        let t30 = t20 + t29;
+        let t31 = t22 + t28;
+        let t32 = t21 + t27;
+        let t33 = fma(-R22, dL_dR23, fma(-R12, dL_dR13, fma(Omega3, p_Omega2, fma(R33, dL_dR32, fma(R23, dL_dR22, fma(R13, dL_dR12, fma(-t32, self.C13, fma(-t31, self.C12, -(self.C11 * t30)))))))));
+        let r_Omega1 = fma(-Omega2, p_Omega3, fma(-R32, dL_dR33, t33));
+        let t34 = fma(-R23, dL_dR21, fma(-R13, dL_dR11, fma(Omega1, p_Omega3, fma(R31, dL_dR33, fma(R21, dL_dR23, fma(R11, dL_dR13, fma(-t32, self.C23, fma(-t31, self.C22, -(self.C21 * t30)))))))));
+        let r_Omega2 = fma(-Omega3, p_Omega1, fma(-R33, dL_dR31, t34));
+        let t35 = fma(-R21, dL_dR22, fma(-R11, dL_dR12, fma(Omega2, p_Omega1, fma(R32, dL_dR31, fma(R22, dL_dR21, fma(R12, dL_dR11, fma(-t32, self.C33, fma(-t31, self.C32, -(self.C31 * t30)))))))));
+        let r_Omega3 = fma(-Omega1, p_Omega2, fma(-R31, dL_dR32, t35));
         // substitution through the factors of A
         let z_v2 = fma(-A_l2_1, r_v1, r_v2);
         let z_v3 = fma(-A_l3_2, z_v2, fma(-A_l3_1, r_v1, r_v3));
-        let z_Omega1_scaled = fma(-A_l4_3_scaled, z_v3, fma(-A_l4_2_scaled, z_v2, fma(-A_l4_1_scaled, r_v1, r_Omega1_scaled)));
-        let z_Omega2_scaled = fma(-A_l5_4, z_Omega1_scaled, fma(-A_l5_3_scaled, z_v3, fma(-A_l5_2_scaled, z_v2, fma(-A_l5_1_scaled, r_v1, r_Omega2_scaled))));
-        let z_Omega3_scaled = fma(-A_l6_5, z_Omega2_scaled, fma(-A_l6_4, z_Omega1_scaled, fma(-A_l6_3_scaled, z_v3, fma(-A_l6_2_scaled, z_v2, fma(-A_l6_1_scaled, r_v1, r_Omega3_scaled)))));
-        let dot_Omega3 = z_Omega3_scaled / A_s5_6_6_scaled;
-        let dot_Omega2 = fma(-A_l6_5, dot_Omega3, z_Omega2_scaled * t10);
-        let dot_Omega1 = fma(-A_l5_4, dot_Omega2, fma(-A_l6_4, dot_Omega3, z_Omega1_scaled * t9));
+        let z_Omega1 = fma(-A_l4_3, z_v3, fma(-A_l4_2, z_v2, fma(-A_l4_1, r_v1, r_Omega1)));
+        let z_Omega2 = fma(-A_l5_4, z_Omega1, fma(-A_l5_3, z_v3, fma(-A_l5_2, z_v2, fma(-A_l5_1, r_v1, r_Omega2))));
+        let z_Omega3 = fma(-A_l6_5, z_Omega2, fma(-A_l6_4, z_Omega1, fma(-A_l6_3, z_v3, fma(-A_l6_2, z_v2, fma(-A_l6_1, r_v1, r_Omega3)))));
+        let dot_Omega3 = z_Omega3 / A_s5_6_6;
+        let dot_Omega2 = fma(-A_l6_5, dot_Omega3, z_Omega2 * t13);
+        let dot_Omega1 = fma(-A_l5_4, dot_Omega2, fma(-A_l6_4, dot_Omega3, z_Omega1 * t12));
         *dy = [
             R::ZERO, R::ZERO, R::ZERO, dot_Omega1, dot_Omega2, dot_Omega3, dot_R11, dot_R12, dot_R13, dot_R21,
             dot_R22, dot_R23, dot_R31, dot_R32, dot_R33,
@@ -387,8 +373,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t11 = fma(R11, v1, fma(R21, v2, R31 * v3));
         let t12 = fma(R12, v1, fma(R22, v2, R32 * v3));
         let t13 = fma(R13, v1, fma(R23, v2, R33 * v3));
-        let t14 = fma(self.c11, t12 * t12, fma(self.c10, t11 * t11, fma(t10, t13, fma(t9, t12, fma(t8, t11, fma(self.c9, Omega3 * Omega3, fma(self.c8, Omega2 * Omega2, self.c7 * (Omega1 * Omega1))))))));
-        fma(self.c12, t13 * t13, t14)
+        let t14 = fma(self.c7, t12 * t12, fma(self.c6, t11 * t11, fma(t10, t13, fma(t9, t12, fma(t8, t11, fma(self.c5, Omega3 * Omega3, fma(self.c4, Omega2 * Omega2, self.c3 * (Omega1 * Omega1))))))));
+        fma(self.c8, t13 * t13, t14)
     }
 
     /// Momenta `W^T dL/dy` of the state by the velocities that they stand for, `v1, v2, v3`; the momenta in `y` mean nothing.
@@ -400,9 +386,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [v1, v2, v3] = *velocities;
         let [_, _, _, Omega1, Omega2, Omega3, R11, R12, R13, R21, R22, R23, R31, R32, R33] = *y;
         let _ = t;
-        let t0 = self.M1 * fma(Omega1, self.c18, fma(Omega3, self.c17, fma(Omega2, self.c16, fma(v3, R31, fma(v2, R21, v1 * R11)))));
-        let t1 = self.M2 * fma(Omega1, self.c21, fma(Omega3, self.c20, fma(Omega2, self.c19, fma(v3, R32, fma(v2, R22, v1 * R12)))));
-        let t2 = self.M3 * fma(Omega1, self.c24, fma(Omega3, self.c23, fma(Omega2, self.c22, fma(v3, R33, fma(v2, R23, v1 * R13)))));
+        let t0 = self.M1 * fma(Omega1, self.c14, fma(Omega3, self.c13, fma(Omega2, self.c12, fma(v3, R31, fma(v2, R21, v1 * R11)))));
+        let t1 = self.M2 * fma(Omega1, self.c17, fma(Omega3, self.c16, fma(Omega2, self.c15, fma(v3, R32, fma(v2, R22, v1 * R12)))));
+        let t2 = self.M3 * fma(Omega1, self.c20, fma(Omega3, self.c19, fma(Omega2, self.c18, fma(v3, R33, fma(v2, R23, v1 * R13)))));
         [
             fma(R13, t2, fma(R12, t1, R11 * t0)), fma(R23, t2, fma(R22, t1, R21 * t0)),
             fma(R33, t2, fma(R32, t1, R31 * t0)),
@@ -449,247 +435,249 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
-    /// Operations: 237 additions, 298 multiplications (157 fused), 5 divisions, 147 sign changes.
+    /// Operations: 237 additions, 301 multiplications (157 fused), 5 divisions, 147 sign changes.
     #[must_use]
     pub fn pivots(&self, t: R, y: &[R; 15]) -> [::hamel_runtime::Pivot<R>; 6] {
         let [_, _, _, _, _, _, R11, R12, R13, R21, R22, R23, R31, R32, R33] = *y;
         let _ = t;
         // mass matrix A = W^T L_yy Psi
-        let t0 = self.c0 * R12;
-        let A_v1_v1_over_M1 = fma(R13, self.c1 * R13, fma(R12, t0, R11 * R11));
-        let t1 = R11 * R21;
-        let t2 = self.c1 * R23;
-        let t3 = R13 * t2;
-        let t4 = R22 * t0;
-        let A_v1_v2_over_M1 = t1 + t3 + t4;
-        let t5 = R11 * R31;
-        let t6 = self.c1 * R33;
-        let t7 = R13 * t6;
-        let t8 = R32 * t0;
-        let A_v1_v3_over_M1 = t5 + t7 + t8;
-        let t9 = self.C11 * R11;
-        let t10 = self.C12 * R12;
-        let t11 = self.C13 * R13;
-        let A_v1_Omega1 = t9 + t10 + t11;
-        let t12 = self.C21 * R11;
-        let t13 = self.C22 * R12;
-        let t14 = self.C23 * R13;
-        let A_v1_Omega2 = t12 + t13 + t14;
-        let t15 = self.C31 * R11;
-        let t16 = self.C32 * R12;
-        let t17 = self.C33 * R13;
-        let A_v1_Omega3 = t15 + t16 + t17;
-        let A_v2_v2_over_M1 = fma(R23, t2, fma(R22, self.c0 * R22, R21 * R21));
-        let t18 = R21 * R31;
-        let t19 = self.c0 * R32;
-        let t20 = R22 * t19;
-        let t21 = R23 * t6;
-        let A_v2_v3_over_M1 = t18 + t20 + t21;
-        let t22 = self.C11 * R21;
-        let t23 = self.C12 * R22;
-        let t24 = self.C13 * R23;
-        let A_v2_Omega1 = t22 + t23 + t24;
-        let t25 = self.C21 * R21;
-        let t26 = self.C22 * R22;
-        let t27 = self.C23 * R23;
-        let A_v2_Omega2 = t25 + t26 + t27;
-        let t28 = self.C31 * R21;
-        let t29 = self.C32 * R22;
-        let t30 = self.C33 * R23;
-        let A_v2_Omega3 = t28 + t29 + t30;
-        let A_v3_v3_over_M1 = fma(R33, t6, fma(R32, t19, R31 * R31));
-        let t31 = self.C11 * R31;
-        let t32 = self.C12 * R32;
-        let t33 = self.C13 * R33;
-        let A_v3_Omega1 = t31 + t32 + t33;
-        let t34 = self.C21 * R31;
-        let t35 = self.C22 * R32;
-        let t36 = self.C23 * R33;
-        let A_v3_Omega2 = t34 + t35 + t36;
-        let t37 = self.C31 * R31;
-        let t38 = self.C32 * R32;
-        let t39 = self.C33 * R33;
-        let A_v3_Omega3 = t37 + t38 + t39;
+        let t0 = self.M1 * R11;
+        let t1 = self.M2 * R12;
+        let t2 = self.M3 * R13;
+        let A_v1_v1 = fma(R13, t2, fma(R12, t1, R11 * t0));
+        let t3 = self.M1 * R21;
+        let t4 = R11 * t3;
+        let t5 = self.M2 * R22;
+        let t6 = R12 * t5;
+        let t7 = self.M3 * R23;
+        let t8 = R13 * t7;
+        let A_v1_v2 = t4 + t6 + t8;
+        let t9 = R31 * t0;
+        let t10 = R32 * t1;
+        let t11 = R33 * t2;
+        let A_v1_v3 = t9 + t10 + t11;
+        let t12 = self.C11 * R11;
+        let t13 = self.C12 * R12;
+        let t14 = self.C13 * R13;
+        let A_v1_Omega1 = t12 + t13 + t14;
+        let t15 = self.C21 * R11;
+        let t16 = self.C22 * R12;
+        let t17 = self.C23 * R13;
+        let A_v1_Omega2 = t15 + t16 + t17;
+        let t18 = self.C31 * R11;
+        let t19 = self.C32 * R12;
+        let t20 = self.C33 * R13;
+        let A_v1_Omega3 = t18 + t19 + t20;
+        let A_v2_v2 = fma(R23, t7, fma(R22, t5, R21 * t3));
+        let t21 = R31 * t3;
+        let t22 = R32 * t5;
+        let t23 = R33 * t7;
+        let A_v2_v3 = t21 + t22 + t23;
+        let t24 = self.C11 * R21;
+        let t25 = self.C12 * R22;
+        let t26 = self.C13 * R23;
+        let A_v2_Omega1 = t24 + t25 + t26;
+        let t27 = self.C21 * R21;
+        let t28 = self.C22 * R22;
+        let t29 = self.C23 * R23;
+        let A_v2_Omega2 = t27 + t28 + t29;
+        let t30 = self.C31 * R21;
+        let t31 = self.C32 * R22;
+        let t32 = self.C33 * R23;
+        let A_v2_Omega3 = t30 + t31 + t32;
+        let A_v3_v3 = fma(R33, self.M3 * R33, fma(R32, self.M2 * R32, self.M1 * R31 * R31));
+        let t33 = self.C11 * R31;
+        let t34 = self.C12 * R32;
+        let t35 = self.C13 * R33;
+        let A_v3_Omega1 = t33 + t34 + t35;
+        let t36 = self.C21 * R31;
+        let t37 = self.C22 * R32;
+        let t38 = self.C23 * R33;
+        let A_v3_Omega2 = t36 + t37 + t38;
+        let t39 = self.C31 * R31;
+        let t40 = self.C32 * R32;
+        let t41 = self.C33 * R33;
+        let A_v3_Omega3 = t39 + t40 + t41;
         // factors of A
-        let t40 = A_v1_v1_over_M1.recip();
-        let A_l2_1 = A_v1_v2_over_M1 * t40;
-        let A_l3_1 = A_v1_v3_over_M1 * t40;
-        let A_l4_1_scaled = A_v1_Omega1 * t40;
-        let A_l5_1_scaled = A_v1_Omega2 * t40;
-        let A_l6_1_scaled = A_v1_Omega3 * t40;
-        let t41 = A_v1_v2_over_M1 * A_l2_1;
-        let A_s1_2_2_over_M1 = A_v2_v2_over_M1 - t41;
-        let t42 = A_v1_v3_over_M1 * A_l2_1;
-        let A_s1_2_3_over_M1 = A_v2_v3_over_M1 - t42;
-        let t43 = A_v1_Omega1 * A_l2_1;
-        let A_s1_2_4 = A_v2_Omega1 - t43;
-        let t44 = A_v1_Omega2 * A_l2_1;
-        let A_s1_2_5 = A_v2_Omega2 - t44;
-        let t45 = A_v1_Omega3 * A_l2_1;
-        let A_s1_2_6 = A_v2_Omega3 - t45;
-        let t46 = A_v1_v3_over_M1 * A_l3_1;
-        let A_s1_3_3_over_M1 = A_v3_v3_over_M1 - t46;
-        let t47 = A_v1_Omega1 * A_l3_1;
-        let A_s1_3_4 = A_v3_Omega1 - t47;
-        let t48 = A_v1_Omega2 * A_l3_1;
-        let A_s1_3_5 = A_v3_Omega2 - t48;
-        let t49 = A_v1_Omega3 * A_l3_1;
-        let A_s1_3_6 = A_v3_Omega3 - t49;
-        let t50 = A_v1_Omega1 * A_l4_1_scaled;
-        let A_s1_4_4_scaled = self.c2 - t50;
-        let t51 = A_v1_Omega2 * A_l5_1_scaled;
-        let A_s1_5_5_scaled = self.c3 - t51;
-        let t52 = A_v1_Omega3 * A_l6_1_scaled;
-        let A_s1_6_6_scaled = self.c4 - t52;
-        let t53 = A_s1_2_2_over_M1.recip();
-        let A_l3_2 = A_s1_2_3_over_M1 * t53;
-        let A_l4_2_scaled = A_s1_2_4 * t53;
-        let A_l5_2_scaled = A_s1_2_5 * t53;
-        let A_l6_2_scaled = A_s1_2_6 * t53;
-        let t54 = A_s1_2_3_over_M1 * A_l3_2;
-        let A_s2_3_3_over_M1 = A_s1_3_3_over_M1 - t54;
-        let t55 = A_s1_2_4 * A_l3_2;
-        let A_s2_3_4 = A_s1_3_4 - t55;
-        let t56 = A_s1_2_5 * A_l3_2;
-        let A_s2_3_5 = A_s1_3_5 - t56;
-        let t57 = A_s1_2_6 * A_l3_2;
-        let A_s2_3_6 = A_s1_3_6 - t57;
-        let t58 = A_s1_2_4 * A_l4_2_scaled;
-        let A_s2_4_4_scaled = A_s1_4_4_scaled - t58;
-        let t59 = A_v1_Omega2 * A_l4_1_scaled;
-        let t60 = A_s1_2_5 * A_l4_2_scaled;
-        let t61 = t59 + t60;
-        let t62 = A_v1_Omega3 * A_l4_1_scaled;
-        let t63 = A_s1_2_6 * A_l4_2_scaled;
-        let t64 = t62 + t63;
-        let t65 = A_s1_2_5 * A_l5_2_scaled;
-        let A_s2_5_5_scaled = A_s1_5_5_scaled - t65;
-        let t66 = A_v1_Omega3 * A_l5_1_scaled;
-        let t67 = A_s1_2_6 * A_l5_2_scaled;
-        let t68 = t66 + t67;
-        let t69 = A_s1_2_6 * A_l6_2_scaled;
-        let A_s2_6_6_scaled = A_s1_6_6_scaled - t69;
-        let t70 = A_s2_3_3_over_M1.recip();
-        let A_l4_3_scaled = A_s2_3_4 * t70;
-        let A_l5_3_scaled = A_s2_3_5 * t70;
-        let A_l6_3_scaled = A_s2_3_6 * t70;
-        let t71 = A_s2_3_4 * A_l4_3_scaled;
-        let A_s3_4_4_scaled = A_s2_4_4_scaled - t71;
-        let t72 = A_s2_3_5 * A_l4_3_scaled;
-        let t73 = t61 + t72;
-        let t74 = A_s2_3_6 * A_l4_3_scaled;
-        let t75 = t64 + t74;
-        let t76 = A_s2_3_5 * A_l5_3_scaled;
-        let A_s3_5_5_scaled = A_s2_5_5_scaled - t76;
-        let t77 = A_s2_3_6 * A_l5_3_scaled;
-        let t78 = t68 + t77;
-        let t79 = A_s2_3_6 * A_l6_3_scaled;
-        let A_s3_6_6_scaled = A_s2_6_6_scaled - t79;
-        let t80 = A_s3_4_4_scaled.recip();
-        let t81 = t73 * t80;
-        let t82 = t75 * t80;
-        let t83 = t73 * t81;
-        let A_s4_5_5_scaled = A_s3_5_5_scaled - t83;
-        let t84 = t75 * t81;
-        let t85 = t78 + t84;
-        let t86 = t75 * t82;
-        let A_s4_6_6_scaled = A_s3_6_6_scaled - t86;
-        let t87 = A_s4_5_5_scaled.recip();
-        let t88 = t85 * t87;
-        let t89 = t85 * t88;
-        let A_s5_6_6_scaled = A_s4_6_6_scaled - t89;
-        let t90 = R::from_f64(11.0) * (t1.abs() + t3.abs() + t4.abs());
-        let t91 = A_l2_1.abs();
-        let t92 = fma(t91, R::from_f64(8.0), t90 * t40);
-        let t93 = fma(t92, A_v1_v2_over_M1.abs(), fma(t90, t91, fma(t41, R::from_f64(10.0), R::from_f64(10.0) * A_v2_v2_over_M1)));
-        let t94 = R::from_f64(11.0) * (t5.abs() + t7.abs() + t8.abs());
-        let t95 = A_l3_1.abs();
-        let t96 = fma(t95, R::from_f64(8.0), t94 * t40);
-        let t97 = A_v1_v3_over_M1.abs();
-        let t98 = fma(R::from_f64(10.0), t42.abs(), fma(t92, t97, fma(t94, t91, fma(R::from_f64(2.0), A_v2_v3_over_M1.abs(), R::from_f64(11.0) * (t18.abs() + t20.abs() + t21.abs())))));
-        let t99 = A_l3_2.abs();
-        let t100 = t53 * t53;
-        let t101 = t53.abs();
-        let t102 = fma(t93, (A_s1_2_3_over_M1 * t100).abs(), fma(t99, R::from_f64(8.0), t98 * t101));
-        let t103 = fma(R::from_f64(10.0), t54.abs(), fma(t98, t99, fma(R::from_f64(2.0), A_s1_3_3_over_M1.abs(), fma(t96, t97, fma(t94, t95, fma(t46, R::from_f64(10.0), R::from_f64(10.0) * A_v3_v3_over_M1))))));
-        let t104 = fma(t102, A_s1_2_3_over_M1.abs(), t103);
-        let t105 = R::from_f64(11.0) * (t9.abs() + t10.abs() + t11.abs());
-        let t106 = A_l4_1_scaled.abs();
-        let t107 = fma(t106, R::from_f64(8.0), t105 * t40);
-        let t108 = A_v1_Omega1.abs();
-        let t109 = fma(R::from_f64(10.0), t43.abs(), fma(t92, t108, fma(t105, t91, fma(R::from_f64(2.0), A_v2_Omega1.abs(), R::from_f64(11.0) * (t22.abs() + t23.abs() + t24.abs())))));
-        let t110 = A_l4_2_scaled.abs();
-        let t111 = fma(t93, (A_s1_2_4 * t100).abs(), fma(t110, R::from_f64(8.0), t109 * t101));
-        let t112 = A_s1_2_4.abs();
-        let t113 = fma(R::from_f64(10.0), t47.abs(), fma(t96, t108, fma(t105, t95, fma(R::from_f64(2.0), A_v3_Omega1.abs(), R::from_f64(11.0) * (t31.abs() + t32.abs() + t33.abs())))));
-        let t114 = fma(t102, t112, fma(R::from_f64(10.0), t55.abs(), fma(t109, t99, fma(R::from_f64(2.0), A_s1_3_4.abs(), t113))));
-        let t115 = A_l4_3_scaled.abs();
-        let t116 = t70 * t70;
-        let t117 = t70.abs();
-        let t118 = fma(t104, (A_s2_3_4 * t116).abs(), fma(t115, R::from_f64(8.0), t114 * t117));
-        let t119 = fma(R::from_f64(10.0), t58.abs(), fma(t109, t110, fma(R::from_f64(2.0), A_s1_4_4_scaled.abs(), fma(t107, t108, fma(t105, t106, fma(t50, R::from_f64(10.0), self.c13))))));
-        let t120 = fma(t118, A_s2_3_4.abs(), fma(R::from_f64(10.0), t71.abs(), fma(t114, t115, fma(R::from_f64(2.0), A_s2_4_4_scaled.abs(), fma(t111, t112, t119)))));
-        let t121 = R::from_f64(11.0) * (t12.abs() + t13.abs() + t14.abs());
-        let t122 = A_l5_1_scaled.abs();
-        let t123 = fma(t122, R::from_f64(8.0), t121 * t40);
-        let t124 = A_v1_Omega2.abs();
-        let t125 = fma(R::from_f64(10.0), t44.abs(), fma(t92, t124, fma(t121, t91, fma(R::from_f64(2.0), A_v2_Omega2.abs(), R::from_f64(11.0) * (t25.abs() + t26.abs() + t27.abs())))));
-        let t126 = A_l5_2_scaled.abs();
-        let t127 = fma(t93, (A_s1_2_5 * t100).abs(), fma(t126, R::from_f64(8.0), t125 * t101));
-        let t128 = A_s1_2_5.abs();
-        let t129 = fma(R::from_f64(10.0), t48.abs(), fma(t96, t124, fma(t121, t95, fma(R::from_f64(2.0), A_v3_Omega2.abs(), R::from_f64(11.0) * (t34.abs() + t35.abs() + t36.abs())))));
-        let t130 = fma(t102, t128, fma(R::from_f64(10.0), t56.abs(), fma(t125, t99, fma(R::from_f64(2.0), A_s1_3_5.abs(), t129))));
-        let t131 = A_l5_3_scaled.abs();
-        let t132 = fma(t104, (A_s2_3_5 * t116).abs(), fma(t131, R::from_f64(8.0), t130 * t117));
-        let t133 = A_s2_3_5.abs();
-        let A_s2_4_5_scaled = -t61;
-        let t134 = fma(R::from_f64(2.0), A_s2_4_5_scaled.abs(), fma(t111, t128, fma(R::from_f64(10.0), t60.abs(), fma(t125, t110, fma(R::from_f64(10.0), t59.abs(), fma(t107, t124, t121 * t106))))));
-        let t135 = fma(t118, t133, fma(R::from_f64(10.0), t72.abs(), fma(t130, t115, t134)));
-        let A_l5_4 = -t81;
-        let t136 = A_l5_4.abs();
-        let t137 = t80 * t80;
-        let t138 = t80.abs();
-        let t139 = fma(t120, (-(t73 * t137)).abs(), fma(t136, R::from_f64(8.0), t135 * t138));
-        let A_s3_4_5_scaled = -t73;
-        let t140 = fma(R::from_f64(10.0), t65.abs(), fma(t125, t126, fma(R::from_f64(2.0), A_s1_5_5_scaled.abs(), fma(t123, t124, fma(t121, t122, fma(t51, R::from_f64(10.0), self.c14))))));
-        let t141 = fma(R::from_f64(2.0), A_s3_5_5_scaled.abs(), fma(t132, t133, fma(R::from_f64(10.0), t76.abs(), fma(t130, t131, fma(R::from_f64(2.0), A_s2_5_5_scaled.abs(), fma(t127, t128, t140))))));
-        let t142 = fma(t139, A_s3_4_5_scaled.abs(), fma(R::from_f64(10.0), t83.abs(), fma(t135, t136, t141)));
-        let t143 = R::from_f64(11.0) * (t15.abs() + t16.abs() + t17.abs());
-        let t144 = A_l6_1_scaled.abs();
-        let t145 = A_v1_Omega3.abs();
-        let t146 = fma(R::from_f64(10.0), t45.abs(), fma(t92, t145, fma(t143, t91, fma(R::from_f64(2.0), A_v2_Omega3.abs(), R::from_f64(11.0) * (t28.abs() + t29.abs() + t30.abs())))));
-        let t147 = A_l6_2_scaled.abs();
-        let t148 = A_s1_2_6.abs();
-        let t149 = fma(R::from_f64(10.0), t49.abs(), fma(t96, t145, fma(t143, t95, fma(R::from_f64(2.0), A_v3_Omega3.abs(), R::from_f64(11.0) * (t37.abs() + t38.abs() + t39.abs())))));
-        let t150 = fma(t102, t148, fma(R::from_f64(10.0), t57.abs(), fma(t146, t99, fma(R::from_f64(2.0), A_s1_3_6.abs(), t149))));
-        let t151 = A_l6_3_scaled.abs();
-        let t152 = A_s2_3_6.abs();
-        let A_s2_4_6_scaled = -t64;
-        let t153 = fma(R::from_f64(2.0), A_s2_4_6_scaled.abs(), fma(t111, t148, fma(R::from_f64(10.0), t63.abs(), fma(t146, t110, fma(R::from_f64(10.0), t62.abs(), fma(t107, t145, t143 * t106))))));
-        let t154 = fma(t118, t152, fma(R::from_f64(10.0), t74.abs(), fma(t150, t115, t153)));
-        let A_l6_4 = -t82;
-        let t155 = A_l6_4.abs();
-        let A_s3_4_6_scaled = -t75;
-        let t156 = A_s3_4_6_scaled.abs();
-        let A_s2_5_6_scaled = -t68;
-        let A_s3_5_6_scaled = -t78;
-        let t157 = fma(R::from_f64(2.0), A_s2_5_6_scaled.abs(), fma(t127, t148, fma(R::from_f64(10.0), t67.abs(), fma(t146, t126, fma(R::from_f64(10.0), t66.abs(), fma(t123, t145, t143 * t122))))));
-        let t158 = fma(R::from_f64(10.0), t84.abs(), fma(t154, t136, fma(R::from_f64(2.0), A_s3_5_6_scaled.abs(), fma(t132, t152, fma(R::from_f64(10.0), t77.abs(), fma(t150, t131, t157))))));
-        let t159 = fma(t139, t156, t158);
-        let A_l6_5 = -t88;
-        let t160 = A_l6_5.abs();
-        let A_s4_5_6_scaled = -t85;
-        let t161 = fma(t146, t147, fma(R::from_f64(2.0), A_s1_6_6_scaled.abs(), fma(t145, fma(t144, R::from_f64(8.0), t143 * t40), fma(t143, t144, fma(t52, R::from_f64(10.0), self.c15)))));
-        let t162 = fma(R::from_f64(2.0), A_s2_6_6_scaled.abs(), fma(t148, fma(t93, (A_s1_2_6 * t100).abs(), fma(t147, R::from_f64(8.0), t146 * t101)), fma(R::from_f64(10.0), t69.abs(), t161)));
-        let t163 = fma(R::from_f64(2.0), A_s3_6_6_scaled.abs(), fma(t152, fma(t104, (A_s2_3_6 * t116).abs(), fma(t151, R::from_f64(8.0), t150 * t117)), fma(R::from_f64(10.0), t79.abs(), fma(t150, t151, t162))));
-        let t164 = fma(t156, fma(t120, (-(t75 * t137)).abs(), fma(t155, R::from_f64(8.0), t154 * t138)), fma(R::from_f64(2.0), A_s4_6_6_scaled.abs(), fma(R::from_f64(10.0), t86.abs(), fma(t154, t155, t163))));
+        let t42 = A_v1_v1.recip();
+        let A_l2_1 = A_v1_v2 * t42;
+        let A_l3_1 = A_v1_v3 * t42;
+        let A_l4_1 = A_v1_Omega1 * t42;
+        let A_l5_1 = A_v1_Omega2 * t42;
+        let A_l6_1 = A_v1_Omega3 * t42;
+        let t43 = A_v1_v2 * A_l2_1;
+        let A_s1_2_2 = A_v2_v2 - t43;
+        let t44 = A_v1_v3 * A_l2_1;
+        let A_s1_2_3 = A_v2_v3 - t44;
+        let t45 = A_v1_Omega1 * A_l2_1;
+        let A_s1_2_4 = A_v2_Omega1 - t45;
+        let t46 = A_v1_Omega2 * A_l2_1;
+        let A_s1_2_5 = A_v2_Omega2 - t46;
+        let t47 = A_v1_Omega3 * A_l2_1;
+        let A_s1_2_6 = A_v2_Omega3 - t47;
+        let t48 = A_v1_v3 * A_l3_1;
+        let A_s1_3_3 = A_v3_v3 - t48;
+        let t49 = A_v1_Omega1 * A_l3_1;
+        let A_s1_3_4 = A_v3_Omega1 - t49;
+        let t50 = A_v1_Omega2 * A_l3_1;
+        let A_s1_3_5 = A_v3_Omega2 - t50;
+        let t51 = A_v1_Omega3 * A_l3_1;
+        let A_s1_3_6 = A_v3_Omega3 - t51;
+        let t52 = A_v1_Omega1 * A_l4_1;
+        let A_s1_4_4 = self.J1 - t52;
+        let t53 = A_v1_Omega2 * A_l5_1;
+        let A_s1_5_5 = self.J2 - t53;
+        let t54 = A_v1_Omega3 * A_l6_1;
+        let A_s1_6_6 = self.J3 - t54;
+        let t55 = A_s1_2_2.recip();
+        let A_l3_2 = A_s1_2_3 * t55;
+        let A_l4_2 = A_s1_2_4 * t55;
+        let A_l5_2 = A_s1_2_5 * t55;
+        let A_l6_2 = A_s1_2_6 * t55;
+        let t56 = A_s1_2_3 * A_l3_2;
+        let A_s2_3_3 = A_s1_3_3 - t56;
+        let t57 = A_s1_2_4 * A_l3_2;
+        let A_s2_3_4 = A_s1_3_4 - t57;
+        let t58 = A_s1_2_5 * A_l3_2;
+        let A_s2_3_5 = A_s1_3_5 - t58;
+        let t59 = A_s1_2_6 * A_l3_2;
+        let A_s2_3_6 = A_s1_3_6 - t59;
+        let t60 = A_s1_2_4 * A_l4_2;
+        let A_s2_4_4 = A_s1_4_4 - t60;
+        let t61 = A_v1_Omega2 * A_l4_1;
+        let t62 = A_s1_2_5 * A_l4_2;
+        let t63 = t61 + t62;
+        let t64 = A_v1_Omega3 * A_l4_1;
+        let t65 = A_s1_2_6 * A_l4_2;
+        let t66 = t64 + t65;
+        let t67 = A_s1_2_5 * A_l5_2;
+        let A_s2_5_5 = A_s1_5_5 - t67;
+        let t68 = A_v1_Omega3 * A_l5_1;
+        let t69 = A_s1_2_6 * A_l5_2;
+        let t70 = t68 + t69;
+        let t71 = A_s1_2_6 * A_l6_2;
+        let A_s2_6_6 = A_s1_6_6 - t71;
+        let t72 = A_s2_3_3.recip();
+        let A_l4_3 = A_s2_3_4 * t72;
+        let A_l5_3 = A_s2_3_5 * t72;
+        let A_l6_3 = A_s2_3_6 * t72;
+        let t73 = A_s2_3_4 * A_l4_3;
+        let A_s3_4_4 = A_s2_4_4 - t73;
+        let t74 = A_s2_3_5 * A_l4_3;
+        let t75 = t63 + t74;
+        let t76 = A_s2_3_6 * A_l4_3;
+        let t77 = t66 + t76;
+        let t78 = A_s2_3_5 * A_l5_3;
+        let A_s3_5_5 = A_s2_5_5 - t78;
+        let t79 = A_s2_3_6 * A_l5_3;
+        let t80 = t70 + t79;
+        let t81 = A_s2_3_6 * A_l6_3;
+        let A_s3_6_6 = A_s2_6_6 - t81;
+        let t82 = A_s3_4_4.recip();
+        let t83 = t75 * t82;
+        let t84 = t77 * t82;
+        let t85 = t75 * t83;
+        let A_s4_5_5 = A_s3_5_5 - t85;
+        let t86 = t77 * t83;
+        let t87 = t80 + t86;
+        let t88 = t77 * t84;
+        let A_s4_6_6 = A_s3_6_6 - t88;
+        let t89 = A_s4_5_5.recip();
+        let t90 = t87 * t89;
+        let t91 = t87 * t90;
+        let A_s5_6_6 = A_s4_6_6 - t91;
+        let t92 = R::from_f64(11.0) * (t4.abs() + t6.abs() + t8.abs());
+        let t93 = A_l2_1.abs();
+        let t94 = fma(t93, R::from_f64(8.0), t92 * t42);
+        let t95 = fma(t94, A_v1_v2.abs(), fma(t92, t93, fma(t43, R::from_f64(10.0), R::from_f64(10.0) * A_v2_v2)));
+        let t96 = R::from_f64(11.0) * (t9.abs() + t10.abs() + t11.abs());
+        let t97 = A_l3_1.abs();
+        let t98 = fma(t97, R::from_f64(8.0), t96 * t42);
+        let t99 = A_v1_v3.abs();
+        let t100 = fma(R::from_f64(10.0), t44.abs(), fma(t94, t99, fma(t96, t93, fma(R::from_f64(2.0), A_v2_v3.abs(), R::from_f64(11.0) * (t21.abs() + t22.abs() + t23.abs())))));
+        let t101 = A_l3_2.abs();
+        let t102 = t55 * t55;
+        let t103 = t55.abs();
+        let t104 = fma(t95, (A_s1_2_3 * t102).abs(), fma(t101, R::from_f64(8.0), t100 * t103));
+        let t105 = fma(R::from_f64(10.0), t56.abs(), fma(t100, t101, fma(R::from_f64(2.0), A_s1_3_3.abs(), fma(t98, t99, fma(t96, t97, fma(t48, R::from_f64(10.0), R::from_f64(10.0) * A_v3_v3))))));
+        let t106 = fma(t104, A_s1_2_3.abs(), t105);
+        let t107 = R::from_f64(11.0) * (t12.abs() + t13.abs() + t14.abs());
+        let t108 = A_l4_1.abs();
+        let t109 = fma(t108, R::from_f64(8.0), t107 * t42);
+        let t110 = A_v1_Omega1.abs();
+        let t111 = fma(R::from_f64(10.0), t45.abs(), fma(t94, t110, fma(t107, t93, fma(R::from_f64(2.0), A_v2_Omega1.abs(), R::from_f64(11.0) * (t24.abs() + t25.abs() + t26.abs())))));
+        let t112 = A_l4_2.abs();
+        let t113 = fma(t95, (A_s1_2_4 * t102).abs(), fma(t112, R::from_f64(8.0), t111 * t103));
+        let t114 = A_s1_2_4.abs();
+        let t115 = fma(R::from_f64(10.0), t49.abs(), fma(t98, t110, fma(t107, t97, fma(R::from_f64(2.0), A_v3_Omega1.abs(), R::from_f64(11.0) * (t33.abs() + t34.abs() + t35.abs())))));
+        let t116 = fma(t104, t114, fma(R::from_f64(10.0), t57.abs(), fma(t111, t101, fma(R::from_f64(2.0), A_s1_3_4.abs(), t115))));
+        let t117 = A_l4_3.abs();
+        let t118 = t72 * t72;
+        let t119 = t72.abs();
+        let t120 = fma(t106, (A_s2_3_4 * t118).abs(), fma(t117, R::from_f64(8.0), t116 * t119));
+        let t121 = fma(R::from_f64(10.0), t60.abs(), fma(t111, t112, fma(R::from_f64(2.0), A_s1_4_4.abs(), fma(t109, t110, fma(t107, t108, fma(t52, R::from_f64(10.0), self.c9))))));
+        let t122 = fma(t120, A_s2_3_4.abs(), fma(R::from_f64(10.0), t73.abs(), fma(t116, t117, fma(R::from_f64(2.0), A_s2_4_4.abs(), fma(t113, t114, t121)))));
+        let t123 = R::from_f64(11.0) * (t15.abs() + t16.abs() + t17.abs());
+        let t124 = A_l5_1.abs();
+        let t125 = fma(t124, R::from_f64(8.0), t123 * t42);
+        let t126 = A_v1_Omega2.abs();
+        let t127 = fma(R::from_f64(10.0), t46.abs(), fma(t94, t126, fma(t123, t93, fma(R::from_f64(2.0), A_v2_Omega2.abs(), R::from_f64(11.0) * (t27.abs() + t28.abs() + t29.abs())))));
+        let t128 = A_l5_2.abs();
+        let t129 = fma(t95, (A_s1_2_5 * t102).abs(), fma(t128, R::from_f64(8.0), t127 * t103));
+        let t130 = A_s1_2_5.abs();
+        let t131 = fma(R::from_f64(10.0), t50.abs(), fma(t98, t126, fma(t123, t97, fma(R::from_f64(2.0), A_v3_Omega2.abs(), R::from_f64(11.0) * (t36.abs() + t37.abs() + t38.abs())))));
+        let t132 = fma(t104, t130, fma(R::from_f64(10.0), t58.abs(), fma(t127, t101, fma(R::from_f64(2.0), A_s1_3_5.abs(), t131))));
+        let t133 = A_l5_3.abs();
+        let t134 = fma(t106, (A_s2_3_5 * t118).abs(), fma(t133, R::from_f64(8.0), t132 * t119));
+        let t135 = A_s2_3_5.abs();
+        let A_s2_4_5 = -t63;
+        let t136 = fma(R::from_f64(2.0), A_s2_4_5.abs(), fma(t113, t130, fma(R::from_f64(10.0), t62.abs(), fma(t127, t112, fma(R::from_f64(10.0), t61.abs(), fma(t109, t126, t123 * t108))))));
+        let t137 = fma(t120, t135, fma(R::from_f64(10.0), t74.abs(), fma(t132, t117, t136)));
+        let A_l5_4 = -t83;
+        let t138 = A_l5_4.abs();
+        let t139 = t82 * t82;
+        let t140 = t82.abs();
+        let t141 = fma(t122, (-(t75 * t139)).abs(), fma(t138, R::from_f64(8.0), t137 * t140));
+        let A_s3_4_5 = -t75;
+        let t142 = fma(R::from_f64(10.0), t67.abs(), fma(t127, t128, fma(R::from_f64(2.0), A_s1_5_5.abs(), fma(t125, t126, fma(t123, t124, fma(t53, R::from_f64(10.0), self.c10))))));
+        let t143 = fma(R::from_f64(2.0), A_s3_5_5.abs(), fma(t134, t135, fma(R::from_f64(10.0), t78.abs(), fma(t132, t133, fma(R::from_f64(2.0), A_s2_5_5.abs(), fma(t129, t130, t142))))));
+        let t144 = fma(t141, A_s3_4_5.abs(), fma(R::from_f64(10.0), t85.abs(), fma(t137, t138, t143)));
+        let t145 = R::from_f64(11.0) * (t18.abs() + t19.abs() + t20.abs());
+        let t146 = A_l6_1.abs();
+        let t147 = A_v1_Omega3.abs();
+        let t148 = fma(R::from_f64(10.0), t47.abs(), fma(t94, t147, fma(t145, t93, fma(R::from_f64(2.0), A_v2_Omega3.abs(), R::from_f64(11.0) * (t30.abs() + t31.abs() + t32.abs())))));
+        let t149 = A_l6_2.abs();
+        let t150 = A_s1_2_6.abs();
+        let t151 = fma(R::from_f64(10.0), t51.abs(), fma(t98, t147, fma(t145, t97, fma(R::from_f64(2.0), A_v3_Omega3.abs(), R::from_f64(11.0) * (t39.abs() + t40.abs() + t41.abs())))));
+        let t152 = fma(t104, t150, fma(R::from_f64(10.0), t59.abs(), fma(t148, t101, fma(R::from_f64(2.0), A_s1_3_6.abs(), t151))));
+        let t153 = A_l6_3.abs();
+        let t154 = A_s2_3_6.abs();
+        let A_s2_4_6 = -t66;
+        let t155 = fma(R::from_f64(2.0), A_s2_4_6.abs(), fma(t113, t150, fma(R::from_f64(10.0), t65.abs(), fma(t148, t112, fma(R::from_f64(10.0), t64.abs(), fma(t109, t147, t145 * t108))))));
+        let t156 = fma(t120, t154, fma(R::from_f64(10.0), t76.abs(), fma(t152, t117, t155)));
+        let A_l6_4 = -t84;
+        let t157 = A_l6_4.abs();
+        let A_s3_4_6 = -t77;
+        let t158 = A_s3_4_6.abs();
+        let A_s2_5_6 = -t70;
+        let A_s3_5_6 = -t80;
+        let t159 = fma(R::from_f64(2.0), A_s2_5_6.abs(), fma(t129, t150, fma(R::from_f64(10.0), t69.abs(), fma(t148, t128, fma(R::from_f64(10.0), t68.abs(), fma(t125, t147, t145 * t124))))));
+        let t160 = fma(R::from_f64(10.0), t86.abs(), fma(t156, t138, fma(R::from_f64(2.0), A_s3_5_6.abs(), fma(t134, t154, fma(R::from_f64(10.0), t79.abs(), fma(t152, t133, t159))))));
+        let t161 = fma(t141, t158, t160);
+        let A_l6_5 = -t90;
+        let t162 = A_l6_5.abs();
+        let A_s4_5_6 = -t87;
+        let t163 = fma(t148, t149, fma(R::from_f64(2.0), A_s1_6_6.abs(), fma(t147, fma(t146, R::from_f64(8.0), t145 * t42), fma(t145, t146, fma(t54, R::from_f64(10.0), self.c11)))));
+        let t164 = fma(R::from_f64(2.0), A_s2_6_6.abs(), fma(t150, fma(t95, (A_s1_2_6 * t102).abs(), fma(t149, R::from_f64(8.0), t148 * t103)), fma(R::from_f64(10.0), t71.abs(), t163)));
+        let t165 = fma(R::from_f64(2.0), A_s3_6_6.abs(), fma(t154, fma(t106, (A_s2_3_6 * t118).abs(), fma(t153, R::from_f64(8.0), t152 * t119)), fma(R::from_f64(10.0), t81.abs(), fma(t152, t153, t164))));
+        let t166 = fma(t158, fma(t122, (-(t77 * t139)).abs(), fma(t157, R::from_f64(8.0), t156 * t140)), fma(R::from_f64(2.0), A_s4_6_6.abs(), fma(R::from_f64(10.0), t88.abs(), fma(t156, t157, t165))));
         [
-            ::hamel_runtime::Pivot::new("inertia along v1", A_v1_v1_over_M1, R::ZERO),
-            ::hamel_runtime::Pivot::new("inertia along v2", A_s1_2_2_over_M1, t93),
-            ::hamel_runtime::Pivot::new("inertia along v3", A_s2_3_3_over_M1, t104),
-            ::hamel_runtime::Pivot::new("inertia along Omega1", A_s3_4_4_scaled, t120),
-            ::hamel_runtime::Pivot::new("inertia along Omega2", A_s4_5_5_scaled, t142),
-            ::hamel_runtime::Pivot::new("inertia along Omega3", A_s5_6_6_scaled, fma(fma(t142, (-(t85 * (t87 * t87))).abs(), fma(t160, R::from_f64(8.0), t159 * t87.abs())), A_s4_5_6_scaled.abs(), fma(R::from_f64(10.0), t89.abs(), fma(t159, t160, t164)))),
+            ::hamel_runtime::Pivot::new("inertia along v1", A_v1_v1, R::ZERO),
+            ::hamel_runtime::Pivot::new("inertia along v2", A_s1_2_2, t95),
+            ::hamel_runtime::Pivot::new("inertia along v3", A_s2_3_3, t106),
+            ::hamel_runtime::Pivot::new("inertia along Omega1", A_s3_4_4, t122),
+            ::hamel_runtime::Pivot::new("inertia along Omega2", A_s4_5_5, t144),
+            ::hamel_runtime::Pivot::new("inertia along Omega3", A_s5_6_6, fma(fma(t144, (-(t87 * (t89 * t89))).abs(), fma(t162, R::from_f64(8.0), t161 * t89.abs())), A_s4_5_6.abs(), fma(R::from_f64(10.0), t91.abs(), fma(t161, t162, t166)))),
         ]
     }
 
@@ -705,94 +693,95 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// A number that stays the same along a motion while no matrix that is solved with becomes singular.
     ///
-    /// Operations: 66 additions, 100 multiplications (62 fused), 10 divisions, 5 sign changes.
+    /// Operations: 66 additions, 103 multiplications (62 fused), 10 divisions, 5 sign changes.
     #[inline]
     #[must_use]
     pub fn signature(&self, t: R, y: &[R; 15]) -> R {
         let [_, _, _, _, _, _, R11, R12, R13, R21, R22, R23, R31, R32, R33] = *y;
         let _ = t;
         // mass matrix A = W^T L_yy Psi
-        let t0 = self.c0 * R12;
-        let A_v1_v1_over_M1 = fma(R13, self.c1 * R13, fma(R12, t0, R11 * R11));
-        let t1 = self.c1 * R23;
-        let A_v1_v2_over_M1 = fma(R22, t0, fma(R13, t1, R11 * R21));
-        let t2 = self.c1 * R33;
-        let A_v1_v3_over_M1 = fma(R32, t0, fma(R13, t2, R11 * R31));
+        let t0 = self.M1 * R11;
+        let t1 = self.M2 * R12;
+        let t2 = self.M3 * R13;
+        let A_v1_v1 = fma(R13, t2, fma(R12, t1, R11 * t0));
+        let t3 = self.M1 * R21;
+        let t4 = self.M2 * R22;
+        let t5 = self.M3 * R23;
+        let A_v1_v2 = fma(R13, t5, fma(R12, t4, R11 * t3));
+        let A_v1_v3 = fma(R33, t2, fma(R32, t1, R31 * t0));
         let A_v1_Omega1 = fma(R13, self.C13, fma(R12, self.C12, self.C11 * R11));
         let A_v1_Omega2 = fma(R13, self.C23, fma(R12, self.C22, self.C21 * R11));
         let A_v1_Omega3 = fma(R13, self.C33, fma(R12, self.C32, self.C31 * R11));
-        let A_v2_v2_over_M1 = fma(R23, t1, fma(R22, self.c0 * R22, R21 * R21));
-        let t3 = self.c0 * R32;
-        let A_v2_v3_over_M1 = fma(R23, t2, fma(R22, t3, R21 * R31));
+        let A_v2_v2 = fma(R23, t5, fma(R22, t4, R21 * t3));
+        let A_v2_v3 = fma(R33, t5, fma(R32, t4, R31 * t3));
         let A_v2_Omega1 = fma(R23, self.C13, fma(R22, self.C12, self.C11 * R21));
         let A_v2_Omega2 = fma(R23, self.C23, fma(R22, self.C22, self.C21 * R21));
         let A_v2_Omega3 = fma(R23, self.C33, fma(R22, self.C32, self.C31 * R21));
-        let A_v3_v3_over_M1 = fma(R33, t2, fma(R32, t3, R31 * R31));
+        let A_v3_v3 = fma(R33, self.M3 * R33, fma(R32, self.M2 * R32, self.M1 * R31 * R31));
         let A_v3_Omega1 = fma(R33, self.C13, fma(R32, self.C12, self.C11 * R31));
         let A_v3_Omega2 = fma(R33, self.C23, fma(R32, self.C22, self.C21 * R31));
         let A_v3_Omega3 = fma(R33, self.C33, fma(R32, self.C32, self.C31 * R31));
         // factors of A
-        let t4 = A_v1_v1_over_M1.recip();
-        let A_l2_1 = A_v1_v2_over_M1 * t4;
-        let A_l3_1 = A_v1_v3_over_M1 * t4;
-        let A_l4_1_scaled = A_v1_Omega1 * t4;
-        let A_l5_1_scaled = A_v1_Omega2 * t4;
-        let A_l6_1_scaled = A_v1_Omega3 * t4;
-        let A_s1_2_2_over_M1 = fma(-A_v1_v2_over_M1, A_l2_1, A_v2_v2_over_M1);
-        let A_s1_2_3_over_M1 = fma(-A_v1_v3_over_M1, A_l2_1, A_v2_v3_over_M1);
+        let t6 = A_v1_v1.recip();
+        let A_l2_1 = A_v1_v2 * t6;
+        let A_l3_1 = A_v1_v3 * t6;
+        let A_l4_1 = A_v1_Omega1 * t6;
+        let A_l5_1 = A_v1_Omega2 * t6;
+        let A_l6_1 = A_v1_Omega3 * t6;
+        let A_s1_2_2 = fma(-A_v1_v2, A_l2_1, A_v2_v2);
+        let A_s1_2_3 = fma(-A_v1_v3, A_l2_1, A_v2_v3);
         let A_s1_2_4 = fma(-A_v1_Omega1, A_l2_1, A_v2_Omega1);
         let A_s1_2_5 = fma(-A_v1_Omega2, A_l2_1, A_v2_Omega2);
         let A_s1_2_6 = fma(-A_v1_Omega3, A_l2_1, A_v2_Omega3);
-        let A_s1_3_3_over_M1 = fma(-A_v1_v3_over_M1, A_l3_1, A_v3_v3_over_M1);
+        let A_s1_3_3 = fma(-A_v1_v3, A_l3_1, A_v3_v3);
         let A_s1_3_4 = fma(-A_v1_Omega1, A_l3_1, A_v3_Omega1);
         let A_s1_3_5 = fma(-A_v1_Omega2, A_l3_1, A_v3_Omega2);
         let A_s1_3_6 = fma(-A_v1_Omega3, A_l3_1, A_v3_Omega3);
-        let A_s1_4_4_scaled = fma(-A_v1_Omega1, A_l4_1_scaled, self.c2);
-        let A_s1_5_5_scaled = fma(-A_v1_Omega2, A_l5_1_scaled, self.c3);
-        let A_s1_6_6_scaled = fma(-A_v1_Omega3, A_l6_1_scaled, self.c4);
-        let t5 = A_s1_2_2_over_M1.recip();
-        let A_l3_2 = A_s1_2_3_over_M1 * t5;
-        let A_l4_2_scaled = A_s1_2_4 * t5;
-        let A_l5_2_scaled = A_s1_2_5 * t5;
-        let A_l6_2_scaled = A_s1_2_6 * t5;
-        let A_s2_3_3_over_M1 = fma(-A_s1_2_3_over_M1, A_l3_2, A_s1_3_3_over_M1);
+        let A_s1_4_4 = fma(-A_v1_Omega1, A_l4_1, self.J1);
+        let A_s1_5_5 = fma(-A_v1_Omega2, A_l5_1, self.J2);
+        let A_s1_6_6 = fma(-A_v1_Omega3, A_l6_1, self.J3);
+        let t7 = A_s1_2_2.recip();
+        let A_l3_2 = A_s1_2_3 * t7;
+        let A_l4_2 = A_s1_2_4 * t7;
+        let A_l5_2 = A_s1_2_5 * t7;
+        let A_l6_2 = A_s1_2_6 * t7;
+        let A_s2_3_3 = fma(-A_s1_2_3, A_l3_2, A_s1_3_3);
         let A_s2_3_4 = fma(-A_s1_2_4, A_l3_2, A_s1_3_4);
         let A_s2_3_5 = fma(-A_s1_2_5, A_l3_2, A_s1_3_5);
         let A_s2_3_6 = fma(-A_s1_2_6, A_l3_2, A_s1_3_6);
-        let A_s2_4_4_scaled = fma(-A_s1_2_4, A_l4_2_scaled, A_s1_4_4_scaled);
-        let A_s2_4_5_scaled = fma(-A_s1_2_5, A_l4_2_scaled, -(A_v1_Omega2 * A_l4_1_scaled));
-        let A_s2_4_6_scaled = fma(-A_s1_2_6, A_l4_2_scaled, -(A_v1_Omega3 * A_l4_1_scaled));
-        let A_s2_5_5_scaled = fma(-A_s1_2_5, A_l5_2_scaled, A_s1_5_5_scaled);
-        let A_s2_5_6_scaled = fma(-A_s1_2_6, A_l5_2_scaled, -(A_v1_Omega3 * A_l5_1_scaled));
-        let A_s2_6_6_scaled = fma(-A_s1_2_6, A_l6_2_scaled, A_s1_6_6_scaled);
-        let t6 = A_s2_3_3_over_M1.recip();
-        let A_l4_3_scaled = A_s2_3_4 * t6;
-        let A_l5_3_scaled = A_s2_3_5 * t6;
-        let A_l6_3_scaled = A_s2_3_6 * t6;
-        let A_s3_4_4_scaled = fma(-A_s2_3_4, A_l4_3_scaled, A_s2_4_4_scaled);
-        let A_s3_4_5_scaled = fma(-A_s2_3_5, A_l4_3_scaled, A_s2_4_5_scaled);
-        let A_s3_4_6_scaled = fma(-A_s2_3_6, A_l4_3_scaled, A_s2_4_6_scaled);
-        let A_s3_5_5_scaled = fma(-A_s2_3_5, A_l5_3_scaled, A_s2_5_5_scaled);
-        let A_s3_5_6_scaled = fma(-A_s2_3_6, A_l5_3_scaled, A_s2_5_6_scaled);
-        let A_s3_6_6_scaled = fma(-A_s2_3_6, A_l6_3_scaled, A_s2_6_6_scaled);
-        let t7 = A_s3_4_4_scaled.recip();
-        let A_l5_4 = A_s3_4_5_scaled * t7;
-        let A_l6_4 = A_s3_4_6_scaled * t7;
-        let A_s4_5_5_scaled = fma(-A_s3_4_5_scaled, A_l5_4, A_s3_5_5_scaled);
-        let A_s4_5_6_scaled = fma(-A_s3_4_6_scaled, A_l5_4, A_s3_5_6_scaled);
-        let A_s4_6_6_scaled = fma(-A_s3_4_6_scaled, A_l6_4, A_s3_6_6_scaled);
-        let A_l6_5 = A_s4_5_6_scaled / A_s4_5_5_scaled;
-        let A_s5_6_6_scaled = fma(-A_s4_5_6_scaled, A_l6_5, A_s4_6_6_scaled);
-        let t8 = A_s1_2_2_over_M1 / A_s1_2_2_over_M1.abs() + A_s2_3_3_over_M1 / A_s2_3_3_over_M1.abs() + A_s3_4_4_scaled / A_s3_4_4_scaled.abs() + A_s4_5_5_scaled / A_s4_5_5_scaled.abs();
-        t8 + A_s5_6_6_scaled / A_s5_6_6_scaled.abs()
+        let A_s2_4_4 = fma(-A_s1_2_4, A_l4_2, A_s1_4_4);
+        let A_s2_4_5 = fma(-A_s1_2_5, A_l4_2, -(A_v1_Omega2 * A_l4_1));
+        let A_s2_4_6 = fma(-A_s1_2_6, A_l4_2, -(A_v1_Omega3 * A_l4_1));
+        let A_s2_5_5 = fma(-A_s1_2_5, A_l5_2, A_s1_5_5);
+        let A_s2_5_6 = fma(-A_s1_2_6, A_l5_2, -(A_v1_Omega3 * A_l5_1));
+        let A_s2_6_6 = fma(-A_s1_2_6, A_l6_2, A_s1_6_6);
+        let t8 = A_s2_3_3.recip();
+        let A_l4_3 = A_s2_3_4 * t8;
+        let A_l5_3 = A_s2_3_5 * t8;
+        let A_l6_3 = A_s2_3_6 * t8;
+        let A_s3_4_4 = fma(-A_s2_3_4, A_l4_3, A_s2_4_4);
+        let A_s3_4_5 = fma(-A_s2_3_5, A_l4_3, A_s2_4_5);
+        let A_s3_4_6 = fma(-A_s2_3_6, A_l4_3, A_s2_4_6);
+        let A_s3_5_5 = fma(-A_s2_3_5, A_l5_3, A_s2_5_5);
+        let A_s3_5_6 = fma(-A_s2_3_6, A_l5_3, A_s2_5_6);
+        let A_s3_6_6 = fma(-A_s2_3_6, A_l6_3, A_s2_6_6);
+        let t9 = A_s3_4_4.recip();
+        let A_l5_4 = A_s3_4_5 * t9;
+        let A_l6_4 = A_s3_4_6 * t9;
+        let A_s4_5_5 = fma(-A_s3_4_5, A_l5_4, A_s3_5_5);
+        let A_s4_5_6 = fma(-A_s3_4_6, A_l5_4, A_s3_5_6);
+        let A_s4_6_6 = fma(-A_s3_4_6, A_l6_4, A_s3_6_6);
+        let A_l6_5 = A_s4_5_6 / A_s4_5_5;
+        let A_s5_6_6 = fma(-A_s4_5_6, A_l6_5, A_s4_6_6);
+        A_s1_2_2 / A_s1_2_2.abs() + A_s2_3_3 / A_s2_3_3.abs() + A_s3_4_4 / A_s3_4_4.abs() + A_s4_5_5 / A_s4_5_5.abs() + A_s5_6_6 / A_s5_6_6.abs()
     }
 }
 
 ::hamel_runtime::system!(Prepared[15] pivots signature);
 
 ::hamel_runtime::over_scalar!(Prepared[15] {
-    M1, M2, M3, C11, C12, C13, C21, C22, C23, C31, C32, C33, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11,
-    c12, c13, c14, c15, c16, c17, c18, c19, c20, c21, c22, c23, c24, c25, c26, c27, c28, c29, c30,
+    J1, J2, J3, M1, M2, M3, C11, C12, C13, C21, C22, C23, C31, C32, C33, c0, c1, c2, c3, c4, c5, c6, c7, c8,
+    c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

@@ -97,71 +97,73 @@ pub struct Prepared<R = f64> {
     I1: R, I2: R, I3: R,
     c0: R, // r / rho
     c1: R, // g / rho
-    c2: R, // (I1 - I2) / (mu * (rho * rho))
-    c3: R, // rho / r
-    c4: R, // 2 * mu * rho / (r * (M + mu))
-    c5: R, // r * r * (M + mu) / (mu * (rho * rho))
-    c6: R, // I1 / (mu * (rho * rho))
-    c7: R, // 2 * r / rho
-    c8: R, // I2 / (mu * (rho * rho))
-    c9: R, // I3 / (mu * (rho * rho))
-    c10: R, // (I2 - I3) / (mu * (rho * rho))
-    c11: R, // -((I1 - I3) / (mu * (rho * rho)))
-    c12: R, // 0.5 * I1
-    c13: R, // 0.5 * I2
-    c14: R, // 0.5 * I3
-    c15: R, // 0.5 * M * (rho * rho)
-    c16: R, // mu * rho * g
-    c17: R, // 0.5 * mu * (rho * rho)
-    c18: R, // mu * rho / (r * (M + mu))
-    c19: R, // 13 * (r * r) * (M + mu) / (mu * (rho * rho))
-    c20: R, // 13 * I1 / (mu * (rho * rho))
-    c21: R, // 13 * I2 / (mu * (rho * rho))
-    c22: R, // 13 * I3 / (mu * (rho * rho))
-    c23: R, // M * r
-    c24: R, // M * rho
-    c25: R, // mu * rho
-    c26: R, // mu * (rho * rho)
-    c27: R, // 1 / (mu * rho)
-    c28: R, // 1 / (mu * r)
-    c29: R, // -(mu * g)
-    c30: R, // g / r
-    c31: R, // (I1 - I2) / (mu * r * rho)
-    c32: R, // M * mu * r * rho
-    c33: R, // -(mu * mu * r * rho)
-    c34: R, // (mu * r + M * r) / (mu * rho)
-    c35: R, // I1 / (mu * r * rho)
-    c36: R, // I2 / (mu * r * rho)
-    c37: R, // 0.5 * r * (M + mu) / (mu * rho)
-    c38: R, // 0.5 * I3 / (mu * r * rho)
-    c39: R, // 0.5 * rho / r
-    c40: R, // (I2 - I3) / (mu * r * rho)
-    c41: R, // -((I1 - I3) / (mu * r * rho))
-    c42: R, // mu * r * rho * (M + mu)
-    c43: R, // mu * (r * r)
-    c44: R, // M * (r * r)
-    c45: R, // mu * r * rho
-    c46: R, // -(2 * mu * (rho * rho))
-    c47: R, // r * (mu * r + M * r)
-    c48: R, // 2 * mu * r * rho
-    c49: R, // I2 - I3
-    c50: R, // I1 - I3
-    c51: R, // I1 - I2
-    c52: R, // r / rho
-    c53: R, // rho / r
+    c2: R, // -((I1 - I3) / (mu * (rho * rho)))
+    c3: R, // (I1 - I2) / (mu * (rho * rho))
+    c4: R, // M / mu
+    c5: R, // rho / r
+    c6: R, // 2 * mu * rho / (r * (M + mu))
+    c7: R, // r * r * (M + mu) / (mu * (rho * rho))
+    c8: R, // I1 / (mu * (rho * rho))
+    c9: R, // 2 * r / rho
+    c10: R, // I2 / (mu * (rho * rho))
+    c11: R, // I3 / (mu * (rho * rho))
+    c12: R, // -((M + mu) / mu)
+    c13: R, // (I2 - I3) / (mu * (rho * rho))
+    c14: R, // 0.5 * I1
+    c15: R, // 0.5 * I2
+    c16: R, // 0.5 * I3
+    c17: R, // 0.5 * M * (rho * rho)
+    c18: R, // mu * rho * g
+    c19: R, // 0.5 * mu * (rho * rho)
+    c20: R, // mu * rho / (r * (M + mu))
+    c21: R, // 13 * (r * r) * (M + mu) / (mu * (rho * rho))
+    c22: R, // 13 * I1 / (mu * (rho * rho))
+    c23: R, // 13 * I2 / (mu * (rho * rho))
+    c24: R, // 13 * I3 / (mu * (rho * rho))
+    c25: R, // M * r
+    c26: R, // M * rho
+    c27: R, // mu * rho
+    c28: R, // mu * (rho * rho)
+    c29: R, // 1 / (mu * rho)
+    c30: R, // 1 / (mu * r)
+    c31: R, // -(mu * g)
+    c32: R, // g / r
+    c33: R, // (I1 - I2) / (mu * r * rho)
+    c34: R, // M * mu * r * rho
+    c35: R, // -(mu * mu * r * rho)
+    c36: R, // (mu * r + M * r) / (mu * rho)
+    c37: R, // I1 / (mu * r * rho)
+    c38: R, // I2 / (mu * r * rho)
+    c39: R, // 0.5 * r * (M + mu) / (mu * rho)
+    c40: R, // 0.5 * I3 / (mu * r * rho)
+    c41: R, // 0.5 * rho / r
+    c42: R, // (I2 - I3) / (mu * r * rho)
+    c43: R, // -((I1 - I3) / (mu * r * rho))
+    c44: R, // mu * r * rho * (M + mu)
+    c45: R, // mu * (r * r)
+    c46: R, // M * (r * r)
+    c47: R, // mu * r * rho
+    c48: R, // -(2 * mu * (rho * rho))
+    c49: R, // r * (mu * r + M * r)
+    c50: R, // 2 * mu * r * rho
+    c51: R, // I2 - I3
+    c52: R, // I1 - I3
+    c53: R, // I1 - I2
     c54: R, // r / rho
-    c55: R, // 2 * r / rho
-    c56: R, // 2 * r / rho
-    c57: R, // r / rho
-    c58: R, // g / rho
+    c55: R, // rho / r
+    c56: R, // r / rho
+    c57: R, // 2 * r / rho
+    c58: R, // 2 * r / rho
     c59: R, // r / rho
+    c60: R, // g / rho
+    c61: R, // r / rho
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 6 additions, 43 multiplications, 29 divisions, 5 sign changes.
+    /// Operations: 6 additions, 43 multiplications, 31 divisions, 6 sign changes.
     ///
     /// # Errors
     ///
@@ -171,17 +173,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let Params { I1, I2, I3, M, mu, r, rho, g } = *params;
         let t0 = r / rho;
         let t1 = g / rho;
-        let t2 = I1 - I2;
+        let t2 = I1 - I3;
         let t3 = rho * rho;
         let t4 = mu * t3;
-        let t5 = rho / r;
-        let t6 = R::from_f64(2.0) * mu;
-        let t7 = M + mu;
-        let t8 = r * t7;
-        let t9 = r * r;
-        let t10 = R::from_f64(2.0) * r / rho;
-        let t11 = I2 - I3;
-        let t12 = I1 - I3;
+        let t5 = I1 - I2;
+        let t6 = rho / r;
+        let t7 = R::from_f64(2.0) * mu;
+        let t8 = M + mu;
+        let t9 = r * t8;
+        let t10 = r * r;
+        let t11 = R::from_f64(2.0) * r / rho;
+        let t12 = I2 - I3;
         let t13 = R::from_f64(0.5) * I3;
         let t14 = mu * rho;
         let t15 = M * r;
@@ -196,24 +198,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ::hamel_runtime::ParamError::require(r.all_gt(R::ZERO), "r > 0", "")?;
         ::hamel_runtime::ParamError::require(rho.all_gt(R::ZERO), "rho > 0", "")?;
         Ok(Self {
-            I1, I2, I3, c0: t0, c1: t1, c2: t2 / t4, c3: t5, c4: t6 * rho / t8, c5: t9 * t7 / t4, c6: I1 / t4,
-            c7: t10, c8: I2 / t4, c9: I3 / t4, c10: t11 / t4, c11: -(t12 / t4), c12: R::from_f64(0.5) * I1,
-            c13: R::from_f64(0.5) * I2, c14: t13, c15: R::from_f64(0.5) * M * t3, c16: t14 * g,
-            c17: R::from_f64(0.5) * mu * t3,
-            c18: t14 / t8,
-            c19: R::from_f64(13.0) * t9 * t7 / t4,
-            c20: R::from_f64(13.0) * I1 / t4,
-            c21: R::from_f64(13.0) * I2 / t4,
-            c22: R::from_f64(13.0) * I3 / t4,
-            c23: t15, c24: M * rho, c25: t14, c26: t4, c27: t14.recip(), c28: t16.recip(), c29: -(mu * g), c30: g / r,
-            c31: t2 / t17, c32: M * mu * r * rho, c33: -(mu * mu * r * rho), c34: t18 / t14, c35: I1 / t17,
-            c36: I2 / t17,
-            c37: R::from_f64(0.5) * r * t7 / t14,
-            c38: t13 / t17,
-            c39: R::from_f64(0.5) * rho / r,
-            c40: t11 / t17, c41: -(t12 / t17), c42: t17 * t7, c43: mu * t9, c44: M * t9, c45: t17, c46: -(t6 * t3),
-            c47: r * t18, c48: t6 * r * rho, c49: t11, c50: t12, c51: I1 - I2, c52: t0, c53: t5, c54: t0, c55: t10,
-            c56: t10, c57: t0, c58: t1, c59: t0,
+            I1, I2, I3, c0: t0, c1: t1, c2: -(t2 / t4), c3: t5 / t4, c4: M / mu, c5: t6, c6: t7 * rho / t9,
+            c7: t10 * t8 / t4, c8: I1 / t4, c9: t11, c10: I2 / t4, c11: I3 / t4, c12: -(t8 / mu), c13: t12 / t4,
+            c14: R::from_f64(0.5) * I1, c15: R::from_f64(0.5) * I2, c16: t13, c17: R::from_f64(0.5) * M * t3,
+            c18: t14 * g,
+            c19: R::from_f64(0.5) * mu * t3,
+            c20: t14 / t9,
+            c21: R::from_f64(13.0) * t10 * t8 / t4,
+            c22: R::from_f64(13.0) * I1 / t4,
+            c23: R::from_f64(13.0) * I2 / t4,
+            c24: R::from_f64(13.0) * I3 / t4,
+            c25: t15, c26: M * rho, c27: t14, c28: t4, c29: t14.recip(), c30: t16.recip(), c31: -(mu * g), c32: g / r,
+            c33: t5 / t17, c34: M * mu * r * rho, c35: -(mu * mu * r * rho), c36: t18 / t14, c37: I1 / t17,
+            c38: I2 / t17,
+            c39: R::from_f64(0.5) * r * t8 / t14,
+            c40: t13 / t17,
+            c41: R::from_f64(0.5) * rho / r,
+            c42: t12 / t17, c43: -(t2 / t17), c44: t17 * t8, c45: mu * t10, c46: M * t10, c47: t17, c48: -(t7 * t3),
+            c49: r * t18, c50: t7 * r * rho, c51: t12, c52: t2, c53: I1 - I2, c54: t0, c55: t6, c56: t0, c57: t11,
+            c58: t11, c59: t0, c60: t1, c61: t0,
         })
     }
 
@@ -225,7 +228,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain chaplygin_gyro
     /// ```
     ///
-    /// Operations: 124 additions, 170 multiplications (111 fused), 4 divisions, 2 elementary functions.
+    /// Operations: 129 additions, 176 multiplications (115 fused), 4 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 10], dy: &mut [R; 10]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
@@ -257,88 +260,90 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let a1_3_over_rho = fma(-Omega2, fma(-alpha_dot, t7, t10) + v1_1_over_rho, fma(Omega1, fma(alpha_dot, t13, t12) + v1_2_over_rho, -(beta_dot * t9)));
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
         let t16 = self.c1 * t13;
-        let t17 = Gamma1 * t7;
-        let r_alpha_dot_over_mu_rho2 = fma(t7, a1_1_over_rho, fma(-t13, a1_2_over_rho, fma(t17, self.c1, -(Gamma2 * t16))));
-        let r_Omega3_over_mu_rho2 = fma(Omega1, self.c2 * Omega2, r_alpha_dot_over_mu_rho2);
-        // accelerations of the dependent velocities at udot = 0
+        let t17 = self.c1 * t4;
+        let t18 = Gamma1 * t7;
+        let r_alpha_dot_over_mu_rho2 = fma(t7, a1_1_over_rho, fma(-t13, a1_2_over_rho, fma(t18, self.c1, -(Gamma2 * t16))));
+        let r_Omega2_over_mu_rho2 = fma(-t4, a1_1_over_rho, fma(t13, a1_3_over_rho, fma(Gamma3, t16, fma(-Gamma1, t17, self.c2 * Omega3 * Omega1))));
+        let r_Omega3_over_mu_rho2 = fma(Omega1, self.c3 * Omega2, r_alpha_dot_over_mu_rho2);
         let lag_X1_over_rho = fma(Omega2, t2, -(Omega3 * t1));
+        let r_X1_over_mu_rho = fma(lag_X1_over_rho, self.c4, -a1_1_over_rho);
+        // accelerations of the dependent velocities at udot = 0
         let lag_X2_over_rho = fma(Omega3, t0, -(Omega1 * t2));
         let lag_X3_over_rho = fma(Omega1, t1, -(Omega2 * t0));
         // mass matrix A = W^T L_yy Psi
-        let t18 = self.c52 * fma(t4, self.c3, Gamma3);
-        let t19 = t13 * t18;
-        let t20 = t7 * t18;
-        let t21 = t3 * t3;
-        let t22 = Gamma2 * t7;
-        let t23 = Gamma1 * t13;
-        let t24 = t22 + t23;
-        let A_alpha_dot_Omega3_over_mu_rho2 = fma(t24, self.c0, t21);
-        let t25 = self.c0 * t3;
-        let t26 = self.c0 * t4;
-        let t27 = Gamma3 * t26;
-        let A_beta_dot_Omega1_over_mu_rho2 = fma(-t5, t27, fma(-Gamma2, t25, -t5));
-        let A_beta_dot_Omega2_over_mu_rho2 = fma(t6, t27, fma(Gamma1, t25, t6));
-        let t28 = t26 * fma(-Gamma1, t5, Gamma2 * t6);
-        let t29 = fma(t4, self.c4, Gamma3);
-        let t30 = self.c5 * Gamma3;
-        let t31 = Gamma2 * Gamma2;
-        let A_Omega1_Omega1_over_mu_rho2 = fma(t22, self.c7, fma(t29, t30, fma(t7, t7, fma(t4, t4, fma(t31, self.c5, self.c6)))));
-        let t32 = self.c5 * Gamma1;
-        let A_Omega1_Omega2_over_mu_rho2 = fma(-self.c54, fma(t13, fma(t7, self.c53, Gamma2), t17), -(Gamma2 * t32));
-        let A_Omega1_Omega3_over_mu_rho2 = fma(-Gamma1, t26, fma(-Gamma3, t32, -t19));
-        let A_Omega2_Omega2_over_mu_rho2 = fma(t23, self.c55, fma(t13, t13, fma(t29, t30, fma(t4, t4, fma(Gamma1, t32, self.c8)))));
-        let A_Omega2_Omega3_over_mu_rho2 = fma(-Gamma2, t30 + t26, -t20);
-        let A_Omega3_Omega3_over_mu_rho2 = fma(t24, self.c56, fma(Gamma1, t32, fma(t31, self.c5, self.c9)) + t21);
+        let t19 = self.c54 * fma(t4, self.c5, Gamma3);
+        let t20 = t13 * t19;
+        let t21 = t7 * t19;
+        let t22 = t3 * t3;
+        let t23 = Gamma2 * t7;
+        let t24 = Gamma1 * t13;
+        let t25 = t23 + t24;
+        let A_alpha_dot_Omega3_over_mu_rho2 = fma(t25, self.c0, t22);
+        let t26 = self.c0 * t3;
+        let t27 = self.c0 * t4;
+        let t28 = Gamma3 * t27;
+        let A_beta_dot_Omega1_over_mu_rho2 = fma(-t5, t28, fma(-Gamma2, t26, -t5));
+        let A_beta_dot_Omega2_over_mu_rho2 = fma(t6, t28, fma(Gamma1, t26, t6));
+        let t29 = t27 * fma(-Gamma1, t5, Gamma2 * t6);
+        let t30 = fma(t4, self.c6, Gamma3);
+        let t31 = self.c7 * Gamma3;
+        let t32 = Gamma2 * Gamma2;
+        let A_Omega1_Omega1_over_mu_rho2 = fma(t23, self.c9, fma(t30, t31, fma(t7, t7, fma(t4, t4, fma(t32, self.c7, self.c8)))));
+        let t33 = self.c7 * Gamma1;
+        let A_Omega1_Omega2_over_mu_rho2 = fma(-self.c56, fma(t13, fma(t7, self.c55, Gamma2), t18), -(Gamma2 * t33));
+        let A_Omega1_Omega3_over_mu_rho2 = fma(-Gamma1, t27, fma(-Gamma3, t33, -t20));
+        let A_Omega2_Omega2_over_mu_rho2 = fma(t24, self.c57, fma(t13, t13, fma(t30, t31, fma(t4, t4, fma(Gamma1, t33, self.c10)))));
+        let A_Omega2_Omega3_over_mu_rho2 = fma(-Gamma2, t31 + t27, -t21);
+        let A_Omega3_Omega3_over_mu_rho2 = fma(t25, self.c58, fma(Gamma1, t33, fma(t32, self.c7, self.c11)) + t22);
         // right side f = W^T (r - L_yy lag)
-        let t33 = fma(-t13, lag_X2_over_rho, t7 * lag_X1_over_rho);
-        let n_alpha_dot_over_mu_rho2 = t33 + r_alpha_dot_over_mu_rho2;
-        let t34 = lag_X3_over_rho + a1_3_over_rho;
-        let t35 = lag_X2_over_rho + a1_2_over_rho;
-        let t36 = t4 * t35;
-        let t37 = lag_X1_over_rho + a1_1_over_rho;
-        let t38 = t4 * t37;
-        let n_beta_dot_over_mu_rho2 = fma(-t6, t38, fma(-t5, t36, fma(t3, t34, -(self.c1 * fma(t4, fma(Gamma1, t6, Gamma2 * t5), -(Gamma3 * t3))))));
-        let n_Omega3_over_mu_rho2 = t33 + r_Omega3_over_mu_rho2;
-        let t39 = self.c57 * Gamma3;
-        let t40 = fma(t34, self.c0, -(self.c1 * t4));
-        let f_Omega1_over_mu_rho2 = fma(-t7, fma(Gamma3, self.c58, t34), fma(-Gamma2, t40, fma(t35, t39, fma(Omega2, self.c10 * Omega3, t36))));
-        let f_Omega2_over_mu_rho2 = fma(Gamma1, t40, fma(-t37, t39, fma(t13, t34, fma(Gamma3, t16, fma(Omega1, self.c11 * Omega3, -t38)))));
-        let f_Omega3_over_mu_rho2 = fma(-self.c59, fma(-Gamma2, t37, Gamma1 * t35), n_Omega3_over_mu_rho2);
+        let t34 = fma(-t13, lag_X2_over_rho, t7 * lag_X1_over_rho);
+        let n_alpha_dot_over_mu_rho2 = t34 + r_alpha_dot_over_mu_rho2;
+        let t35 = lag_X3_over_rho + a1_3_over_rho;
+        let t36 = lag_X2_over_rho + a1_2_over_rho;
+        let n_beta_dot_over_mu_rho2 = fma(-t4, fma(t6, lag_X1_over_rho + a1_1_over_rho, t5 * t36), fma(t3, t35, -(self.c1 * fma(t4, fma(Gamma1, t6, Gamma2 * t5), -(Gamma3 * t3)))));
+        let n_Omega2_over_mu_rho2 = fma(t13, lag_X3_over_rho, fma(-t4, lag_X1_over_rho, r_Omega2_over_mu_rho2));
+        let n_Omega3_over_mu_rho2 = t34 + r_Omega3_over_mu_rho2;
+        let n_X1_over_mu_rho = fma(lag_X1_over_rho, self.c12, r_X1_over_mu_rho);
+        let t37 = self.c59 * t36;
+        let t38 = self.c0 * Gamma2;
+        let f_Omega1_over_mu_rho2 = fma(-Gamma3, fma(t7, self.c60, -t37), fma(-t35, t38 + t7, fma(t4, t36, fma(Gamma2, t17, self.c13 * Omega3 * Omega2))));
+        let f_Omega2_over_mu_rho2 = fma(self.c61, fma(Gamma3, n_X1_over_mu_rho, Gamma1 * t35), n_Omega2_over_mu_rho2);
+        let f_Omega3_over_mu_rho2 = fma(-n_X1_over_mu_rho, t38, fma(-Gamma1, t37, n_Omega3_over_mu_rho2));
         // factors of A
         let A_s2_3_3_over_mu_rho2 = fma(-A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega1_over_mu_rho2, A_Omega1_Omega1_over_mu_rho2);
         let A_s2_3_4_over_mu_rho2 = fma(-A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2, A_Omega1_Omega2_over_mu_rho2);
-        let A_s2_3_5_over_mu_rho2 = fma(A_beta_dot_Omega1_over_mu_rho2, t28, A_Omega1_Omega3_over_mu_rho2);
+        let A_s2_3_5_over_mu_rho2 = fma(A_beta_dot_Omega1_over_mu_rho2, t29, A_Omega1_Omega3_over_mu_rho2);
         let A_s2_4_4_over_mu_rho2 = fma(-A_beta_dot_Omega2_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2, A_Omega2_Omega2_over_mu_rho2);
-        let A_s2_4_5_over_mu_rho2 = fma(A_beta_dot_Omega2_over_mu_rho2, t28, A_Omega2_Omega3_over_mu_rho2);
-        let A_s2_5_5_over_mu_rho2 = fma(-t28, t28, A_Omega3_Omega3_over_mu_rho2);
-        let t41 = t21.recip();
-        let t42 = t19 * t41;
-        let t43 = t20 * t41;
-        let A_l5_1 = A_alpha_dot_Omega3_over_mu_rho2 * t41;
-        let A_s1_3_3_over_mu_rho2 = fma(-t19, t42, A_s2_3_3_over_mu_rho2);
-        let A_s1_3_4_over_mu_rho2 = fma(-t20, t42, A_s2_3_4_over_mu_rho2);
-        let A_s1_3_5_over_mu_rho2 = fma(A_alpha_dot_Omega3_over_mu_rho2, t42, A_s2_3_5_over_mu_rho2);
-        let A_s1_4_4_over_mu_rho2 = fma(-t20, t43, A_s2_4_4_over_mu_rho2);
-        let A_s1_4_5_over_mu_rho2 = fma(A_alpha_dot_Omega3_over_mu_rho2, t43, A_s2_4_5_over_mu_rho2);
+        let A_s2_4_5_over_mu_rho2 = fma(A_beta_dot_Omega2_over_mu_rho2, t29, A_Omega2_Omega3_over_mu_rho2);
+        let A_s2_5_5_over_mu_rho2 = fma(-t29, t29, A_Omega3_Omega3_over_mu_rho2);
+        let t39 = t22.recip();
+        let t40 = t20 * t39;
+        let t41 = t21 * t39;
+        let A_l5_1 = A_alpha_dot_Omega3_over_mu_rho2 * t39;
+        let A_s1_3_3_over_mu_rho2 = fma(-t20, t40, A_s2_3_3_over_mu_rho2);
+        let A_s1_3_4_over_mu_rho2 = fma(-t21, t40, A_s2_3_4_over_mu_rho2);
+        let A_s1_3_5_over_mu_rho2 = fma(A_alpha_dot_Omega3_over_mu_rho2, t40, A_s2_3_5_over_mu_rho2);
+        let A_s1_4_4_over_mu_rho2 = fma(-t21, t41, A_s2_4_4_over_mu_rho2);
+        let A_s1_4_5_over_mu_rho2 = fma(A_alpha_dot_Omega3_over_mu_rho2, t41, A_s2_4_5_over_mu_rho2);
         let A_s1_5_5_over_mu_rho2 = fma(-A_alpha_dot_Omega3_over_mu_rho2, A_l5_1, A_s2_5_5_over_mu_rho2);
-        let t44 = A_s1_3_3_over_mu_rho2.recip();
-        let A_l4_3 = A_s1_3_4_over_mu_rho2 * t44;
-        let A_l5_3 = A_s1_3_5_over_mu_rho2 * t44;
+        let t42 = A_s1_3_3_over_mu_rho2.recip();
+        let A_l4_3 = A_s1_3_4_over_mu_rho2 * t42;
+        let A_l5_3 = A_s1_3_5_over_mu_rho2 * t42;
         let A_s3_4_4_over_mu_rho2 = fma(-A_s1_3_4_over_mu_rho2, A_l4_3, A_s1_4_4_over_mu_rho2);
         let A_s3_4_5_over_mu_rho2 = fma(-A_s1_3_5_over_mu_rho2, A_l4_3, A_s1_4_5_over_mu_rho2);
         let A_s3_5_5_over_mu_rho2 = fma(-A_s1_3_5_over_mu_rho2, A_l5_3, A_s1_5_5_over_mu_rho2);
-        let t45 = A_s3_4_4_over_mu_rho2.recip();
-        let A_l5_4 = A_s3_4_5_over_mu_rho2 * t45;
+        let t43 = A_s3_4_4_over_mu_rho2.recip();
+        let A_l5_4 = A_s3_4_5_over_mu_rho2 * t43;
         let A_s4_5_5_over_mu_rho2 = fma(-A_s3_4_5_over_mu_rho2, A_l5_4, A_s3_5_5_over_mu_rho2);
         // substitution through the factors of A
-        let z_Omega1_over_mu_rho2 = fma(-A_beta_dot_Omega1_over_mu_rho2, n_beta_dot_over_mu_rho2, fma(n_alpha_dot_over_mu_rho2, t42, f_Omega1_over_mu_rho2));
-        let z_Omega2_over_mu_rho2 = fma(-A_l4_3, z_Omega1_over_mu_rho2, fma(-A_beta_dot_Omega2_over_mu_rho2, n_beta_dot_over_mu_rho2, fma(n_alpha_dot_over_mu_rho2, t43, f_Omega2_over_mu_rho2)));
-        let z_Omega3_over_mu_rho2 = fma(-A_l5_4, z_Omega2_over_mu_rho2, fma(-A_l5_3, z_Omega1_over_mu_rho2, fma(t28, n_beta_dot_over_mu_rho2, fma(-n_alpha_dot_over_mu_rho2, A_l5_1, f_Omega3_over_mu_rho2))));
+        let z_Omega1_over_mu_rho2 = fma(-A_beta_dot_Omega1_over_mu_rho2, n_beta_dot_over_mu_rho2, fma(n_alpha_dot_over_mu_rho2, t40, f_Omega1_over_mu_rho2));
+        let z_Omega2_over_mu_rho2 = fma(-A_l4_3, z_Omega1_over_mu_rho2, fma(-A_beta_dot_Omega2_over_mu_rho2, n_beta_dot_over_mu_rho2, fma(n_alpha_dot_over_mu_rho2, t41, f_Omega2_over_mu_rho2)));
+        let z_Omega3_over_mu_rho2 = fma(-A_l5_4, z_Omega2_over_mu_rho2, fma(-A_l5_3, z_Omega1_over_mu_rho2, fma(t29, n_beta_dot_over_mu_rho2, fma(-n_alpha_dot_over_mu_rho2, A_l5_1, f_Omega3_over_mu_rho2))));
         let dot_Omega3 = z_Omega3_over_mu_rho2 / A_s4_5_5_over_mu_rho2;
-        let dot_Omega2 = fma(-A_l5_4, dot_Omega3, z_Omega2_over_mu_rho2 * t45);
-        let dot_Omega1 = fma(-A_l4_3, dot_Omega2, fma(-A_l5_3, dot_Omega3, z_Omega1_over_mu_rho2 * t44));
-        let dot_alpha_dot = fma(t42, dot_Omega1, fma(t43, dot_Omega2, fma(-A_l5_1, dot_Omega3, n_alpha_dot_over_mu_rho2 * t41)));
-        let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mu_rho2, dot_Omega1, fma(-A_beta_dot_Omega2_over_mu_rho2, dot_Omega2, fma(t28, dot_Omega3, n_beta_dot_over_mu_rho2)));
+        let dot_Omega2 = fma(-A_l5_4, dot_Omega3, z_Omega2_over_mu_rho2 * t43);
+        let dot_Omega1 = fma(-A_l4_3, dot_Omega2, fma(-A_l5_3, dot_Omega3, z_Omega1_over_mu_rho2 * t42));
+        let dot_alpha_dot = fma(t40, dot_Omega1, fma(t41, dot_Omega2, fma(-A_l5_1, dot_Omega3, n_alpha_dot_over_mu_rho2 * t39)));
+        let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mu_rho2, dot_Omega1, fma(-A_beta_dot_Omega2_over_mu_rho2, dot_Omega2, fma(t29, dot_Omega3, n_beta_dot_over_mu_rho2)));
         *dy = [
             alpha_dot, beta_dot, dot_alpha_dot, dot_beta_dot, dot_Omega1, dot_Omega2, dot_Omega3, dot_Gamma1,
             dot_Gamma2, dot_Gamma3,
@@ -354,7 +359,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      cos_beta, sin_beta, cos_alpha, sin_alpha]
     /// ```
     ///
-    /// Operations: 124 additions, 174 multiplications (111 fused), 4 divisions, 2 sign changes.
+    /// Operations: 129 additions, 180 multiplications (115 fused), 4 divisions, 2 sign changes.
     #[inline]
     pub fn rhs_on_circles(&self, t: R, y: &[R; 14], dy: &mut [R; 14]) {
         let [
@@ -388,88 +393,90 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let a1_3_over_rho = fma(-Omega2, fma(-alpha_dot, t3, t6) + v1_1_over_rho, fma(Omega1, fma(alpha_dot, t9, t8) + v1_2_over_rho, -(beta_dot * t5)));
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
         let t12 = self.c1 * t9;
-        let t13 = Gamma1 * t3;
-        let r_alpha_dot_over_mu_rho2 = fma(t3, a1_1_over_rho, fma(-t9, a1_2_over_rho, fma(t13, self.c1, -(Gamma2 * t12))));
-        let r_Omega3_over_mu_rho2 = fma(Omega1, self.c2 * Omega2, r_alpha_dot_over_mu_rho2);
-        // accelerations of the dependent velocities at udot = 0
+        let t13 = self.c1 * cos_beta;
+        let t14 = Gamma1 * t3;
+        let r_alpha_dot_over_mu_rho2 = fma(t3, a1_1_over_rho, fma(-t9, a1_2_over_rho, fma(t14, self.c1, -(Gamma2 * t12))));
+        let r_Omega2_over_mu_rho2 = fma(-cos_beta, a1_1_over_rho, fma(t9, a1_3_over_rho, fma(Gamma3, t12, fma(-Gamma1, t13, self.c2 * Omega3 * Omega1))));
+        let r_Omega3_over_mu_rho2 = fma(Omega1, self.c3 * Omega2, r_alpha_dot_over_mu_rho2);
         let lag_X1_over_rho = fma(Omega2, t2, -(Omega3 * t1));
+        let r_X1_over_mu_rho = fma(lag_X1_over_rho, self.c4, -a1_1_over_rho);
+        // accelerations of the dependent velocities at udot = 0
         let lag_X2_over_rho = fma(Omega3, t0, -(Omega1 * t2));
         let lag_X3_over_rho = fma(Omega1, t1, -(Omega2 * t0));
         // mass matrix A = W^T L_yy Psi
-        let t14 = self.c52 * fma(cos_beta, self.c3, Gamma3);
-        let t15 = t9 * t14;
-        let t16 = t3 * t14;
-        let t17 = sin_beta * sin_beta;
-        let t18 = Gamma2 * t3;
-        let t19 = Gamma1 * t9;
-        let t20 = t18 + t19;
-        let A_alpha_dot_Omega3_over_mu_rho2 = fma(t20, self.c0, t17);
-        let t21 = self.c0 * sin_beta;
-        let t22 = self.c0 * cos_beta;
-        let t23 = Gamma3 * t22;
-        let A_beta_dot_Omega1_over_mu_rho2 = fma(-sin_alpha, t23, fma(-Gamma2, t21, -sin_alpha));
-        let A_beta_dot_Omega2_over_mu_rho2 = fma(cos_alpha, t23, fma(Gamma1, t21, cos_alpha));
-        let t24 = t22 * fma(-Gamma1, sin_alpha, Gamma2 * cos_alpha);
-        let t25 = fma(cos_beta, self.c4, Gamma3);
-        let t26 = self.c5 * Gamma3;
-        let t27 = Gamma2 * Gamma2;
-        let A_Omega1_Omega1_over_mu_rho2 = fma(t18, self.c7, fma(t25, t26, fma(t3, t3, fma(cos_beta, cos_beta, fma(t27, self.c5, self.c6)))));
-        let t28 = self.c5 * Gamma1;
-        let A_Omega1_Omega2_over_mu_rho2 = fma(-self.c54, fma(t9, fma(t3, self.c53, Gamma2), t13), -(Gamma2 * t28));
-        let A_Omega1_Omega3_over_mu_rho2 = fma(-Gamma1, t22, fma(-Gamma3, t28, -t15));
-        let A_Omega2_Omega2_over_mu_rho2 = fma(t19, self.c55, fma(t9, t9, fma(t25, t26, fma(cos_beta, cos_beta, fma(Gamma1, t28, self.c8)))));
-        let A_Omega2_Omega3_over_mu_rho2 = fma(-Gamma2, t26 + t22, -t16);
-        let A_Omega3_Omega3_over_mu_rho2 = fma(t20, self.c56, fma(Gamma1, t28, fma(t27, self.c5, self.c9)) + t17);
+        let t15 = self.c54 * fma(cos_beta, self.c5, Gamma3);
+        let t16 = t9 * t15;
+        let t17 = t3 * t15;
+        let t18 = sin_beta * sin_beta;
+        let t19 = Gamma2 * t3;
+        let t20 = Gamma1 * t9;
+        let t21 = t19 + t20;
+        let A_alpha_dot_Omega3_over_mu_rho2 = fma(t21, self.c0, t18);
+        let t22 = self.c0 * sin_beta;
+        let t23 = self.c0 * cos_beta;
+        let t24 = Gamma3 * t23;
+        let A_beta_dot_Omega1_over_mu_rho2 = fma(-sin_alpha, t24, fma(-Gamma2, t22, -sin_alpha));
+        let A_beta_dot_Omega2_over_mu_rho2 = fma(cos_alpha, t24, fma(Gamma1, t22, cos_alpha));
+        let t25 = t23 * fma(-Gamma1, sin_alpha, Gamma2 * cos_alpha);
+        let t26 = fma(cos_beta, self.c6, Gamma3);
+        let t27 = self.c7 * Gamma3;
+        let t28 = Gamma2 * Gamma2;
+        let A_Omega1_Omega1_over_mu_rho2 = fma(t19, self.c9, fma(t26, t27, fma(t3, t3, fma(cos_beta, cos_beta, fma(t28, self.c7, self.c8)))));
+        let t29 = self.c7 * Gamma1;
+        let A_Omega1_Omega2_over_mu_rho2 = fma(-self.c56, fma(t9, fma(t3, self.c55, Gamma2), t14), -(Gamma2 * t29));
+        let A_Omega1_Omega3_over_mu_rho2 = fma(-Gamma1, t23, fma(-Gamma3, t29, -t16));
+        let A_Omega2_Omega2_over_mu_rho2 = fma(t20, self.c57, fma(t9, t9, fma(t26, t27, fma(cos_beta, cos_beta, fma(Gamma1, t29, self.c10)))));
+        let A_Omega2_Omega3_over_mu_rho2 = fma(-Gamma2, t27 + t23, -t17);
+        let A_Omega3_Omega3_over_mu_rho2 = fma(t21, self.c58, fma(Gamma1, t29, fma(t28, self.c7, self.c11)) + t18);
         // right side f = W^T (r - L_yy lag)
-        let t29 = fma(-t9, lag_X2_over_rho, t3 * lag_X1_over_rho);
-        let n_alpha_dot_over_mu_rho2 = t29 + r_alpha_dot_over_mu_rho2;
-        let t30 = lag_X3_over_rho + a1_3_over_rho;
-        let t31 = lag_X2_over_rho + a1_2_over_rho;
-        let t32 = cos_beta * t31;
-        let t33 = lag_X1_over_rho + a1_1_over_rho;
-        let t34 = cos_beta * t33;
-        let n_beta_dot_over_mu_rho2 = fma(-cos_alpha, t34, fma(-sin_alpha, t32, fma(sin_beta, t30, -(self.c1 * fma(cos_beta, fma(Gamma1, cos_alpha, Gamma2 * sin_alpha), -(Gamma3 * sin_beta))))));
-        let n_Omega3_over_mu_rho2 = t29 + r_Omega3_over_mu_rho2;
-        let t35 = self.c57 * Gamma3;
-        let t36 = fma(t30, self.c0, -(self.c1 * cos_beta));
-        let f_Omega1_over_mu_rho2 = fma(-t3, fma(Gamma3, self.c58, t30), fma(-Gamma2, t36, fma(t31, t35, fma(Omega2, self.c10 * Omega3, t32))));
-        let f_Omega2_over_mu_rho2 = fma(Gamma1, t36, fma(-t33, t35, fma(t9, t30, fma(Gamma3, t12, fma(Omega1, self.c11 * Omega3, -t34)))));
-        let f_Omega3_over_mu_rho2 = fma(-self.c59, fma(-Gamma2, t33, Gamma1 * t31), n_Omega3_over_mu_rho2);
+        let t30 = fma(-t9, lag_X2_over_rho, t3 * lag_X1_over_rho);
+        let n_alpha_dot_over_mu_rho2 = t30 + r_alpha_dot_over_mu_rho2;
+        let t31 = lag_X3_over_rho + a1_3_over_rho;
+        let t32 = lag_X2_over_rho + a1_2_over_rho;
+        let n_beta_dot_over_mu_rho2 = fma(-cos_beta, fma(cos_alpha, lag_X1_over_rho + a1_1_over_rho, sin_alpha * t32), fma(sin_beta, t31, -(self.c1 * fma(cos_beta, fma(Gamma1, cos_alpha, Gamma2 * sin_alpha), -(Gamma3 * sin_beta)))));
+        let n_Omega2_over_mu_rho2 = fma(t9, lag_X3_over_rho, fma(-cos_beta, lag_X1_over_rho, r_Omega2_over_mu_rho2));
+        let n_Omega3_over_mu_rho2 = t30 + r_Omega3_over_mu_rho2;
+        let n_X1_over_mu_rho = fma(lag_X1_over_rho, self.c12, r_X1_over_mu_rho);
+        let t33 = self.c59 * t32;
+        let t34 = self.c0 * Gamma2;
+        let f_Omega1_over_mu_rho2 = fma(-Gamma3, fma(t3, self.c60, -t33), fma(-t31, t34 + t3, fma(cos_beta, t32, fma(Gamma2, t13, self.c13 * Omega3 * Omega2))));
+        let f_Omega2_over_mu_rho2 = fma(self.c61, fma(Gamma3, n_X1_over_mu_rho, Gamma1 * t31), n_Omega2_over_mu_rho2);
+        let f_Omega3_over_mu_rho2 = fma(-n_X1_over_mu_rho, t34, fma(-Gamma1, t33, n_Omega3_over_mu_rho2));
         // factors of A
         let A_s2_3_3_over_mu_rho2 = fma(-A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega1_over_mu_rho2, A_Omega1_Omega1_over_mu_rho2);
         let A_s2_3_4_over_mu_rho2 = fma(-A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2, A_Omega1_Omega2_over_mu_rho2);
-        let A_s2_3_5_over_mu_rho2 = fma(A_beta_dot_Omega1_over_mu_rho2, t24, A_Omega1_Omega3_over_mu_rho2);
+        let A_s2_3_5_over_mu_rho2 = fma(A_beta_dot_Omega1_over_mu_rho2, t25, A_Omega1_Omega3_over_mu_rho2);
         let A_s2_4_4_over_mu_rho2 = fma(-A_beta_dot_Omega2_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2, A_Omega2_Omega2_over_mu_rho2);
-        let A_s2_4_5_over_mu_rho2 = fma(A_beta_dot_Omega2_over_mu_rho2, t24, A_Omega2_Omega3_over_mu_rho2);
-        let A_s2_5_5_over_mu_rho2 = fma(-t24, t24, A_Omega3_Omega3_over_mu_rho2);
-        let t37 = t17.recip();
-        let t38 = t15 * t37;
-        let t39 = t16 * t37;
-        let A_l5_1 = A_alpha_dot_Omega3_over_mu_rho2 * t37;
-        let A_s1_3_3_over_mu_rho2 = fma(-t15, t38, A_s2_3_3_over_mu_rho2);
-        let A_s1_3_4_over_mu_rho2 = fma(-t16, t38, A_s2_3_4_over_mu_rho2);
-        let A_s1_3_5_over_mu_rho2 = fma(A_alpha_dot_Omega3_over_mu_rho2, t38, A_s2_3_5_over_mu_rho2);
-        let A_s1_4_4_over_mu_rho2 = fma(-t16, t39, A_s2_4_4_over_mu_rho2);
-        let A_s1_4_5_over_mu_rho2 = fma(A_alpha_dot_Omega3_over_mu_rho2, t39, A_s2_4_5_over_mu_rho2);
+        let A_s2_4_5_over_mu_rho2 = fma(A_beta_dot_Omega2_over_mu_rho2, t25, A_Omega2_Omega3_over_mu_rho2);
+        let A_s2_5_5_over_mu_rho2 = fma(-t25, t25, A_Omega3_Omega3_over_mu_rho2);
+        let t35 = t18.recip();
+        let t36 = t16 * t35;
+        let t37 = t17 * t35;
+        let A_l5_1 = A_alpha_dot_Omega3_over_mu_rho2 * t35;
+        let A_s1_3_3_over_mu_rho2 = fma(-t16, t36, A_s2_3_3_over_mu_rho2);
+        let A_s1_3_4_over_mu_rho2 = fma(-t17, t36, A_s2_3_4_over_mu_rho2);
+        let A_s1_3_5_over_mu_rho2 = fma(A_alpha_dot_Omega3_over_mu_rho2, t36, A_s2_3_5_over_mu_rho2);
+        let A_s1_4_4_over_mu_rho2 = fma(-t17, t37, A_s2_4_4_over_mu_rho2);
+        let A_s1_4_5_over_mu_rho2 = fma(A_alpha_dot_Omega3_over_mu_rho2, t37, A_s2_4_5_over_mu_rho2);
         let A_s1_5_5_over_mu_rho2 = fma(-A_alpha_dot_Omega3_over_mu_rho2, A_l5_1, A_s2_5_5_over_mu_rho2);
-        let t40 = A_s1_3_3_over_mu_rho2.recip();
-        let A_l4_3 = A_s1_3_4_over_mu_rho2 * t40;
-        let A_l5_3 = A_s1_3_5_over_mu_rho2 * t40;
+        let t38 = A_s1_3_3_over_mu_rho2.recip();
+        let A_l4_3 = A_s1_3_4_over_mu_rho2 * t38;
+        let A_l5_3 = A_s1_3_5_over_mu_rho2 * t38;
         let A_s3_4_4_over_mu_rho2 = fma(-A_s1_3_4_over_mu_rho2, A_l4_3, A_s1_4_4_over_mu_rho2);
         let A_s3_4_5_over_mu_rho2 = fma(-A_s1_3_5_over_mu_rho2, A_l4_3, A_s1_4_5_over_mu_rho2);
         let A_s3_5_5_over_mu_rho2 = fma(-A_s1_3_5_over_mu_rho2, A_l5_3, A_s1_5_5_over_mu_rho2);
-        let t41 = A_s3_4_4_over_mu_rho2.recip();
-        let A_l5_4 = A_s3_4_5_over_mu_rho2 * t41;
+        let t39 = A_s3_4_4_over_mu_rho2.recip();
+        let A_l5_4 = A_s3_4_5_over_mu_rho2 * t39;
         let A_s4_5_5_over_mu_rho2 = fma(-A_s3_4_5_over_mu_rho2, A_l5_4, A_s3_5_5_over_mu_rho2);
         // substitution through the factors of A
-        let z_Omega1_over_mu_rho2 = fma(-A_beta_dot_Omega1_over_mu_rho2, n_beta_dot_over_mu_rho2, fma(n_alpha_dot_over_mu_rho2, t38, f_Omega1_over_mu_rho2));
-        let z_Omega2_over_mu_rho2 = fma(-A_l4_3, z_Omega1_over_mu_rho2, fma(-A_beta_dot_Omega2_over_mu_rho2, n_beta_dot_over_mu_rho2, fma(n_alpha_dot_over_mu_rho2, t39, f_Omega2_over_mu_rho2)));
-        let z_Omega3_over_mu_rho2 = fma(-A_l5_4, z_Omega2_over_mu_rho2, fma(-A_l5_3, z_Omega1_over_mu_rho2, fma(t24, n_beta_dot_over_mu_rho2, fma(-n_alpha_dot_over_mu_rho2, A_l5_1, f_Omega3_over_mu_rho2))));
+        let z_Omega1_over_mu_rho2 = fma(-A_beta_dot_Omega1_over_mu_rho2, n_beta_dot_over_mu_rho2, fma(n_alpha_dot_over_mu_rho2, t36, f_Omega1_over_mu_rho2));
+        let z_Omega2_over_mu_rho2 = fma(-A_l4_3, z_Omega1_over_mu_rho2, fma(-A_beta_dot_Omega2_over_mu_rho2, n_beta_dot_over_mu_rho2, fma(n_alpha_dot_over_mu_rho2, t37, f_Omega2_over_mu_rho2)));
+        let z_Omega3_over_mu_rho2 = fma(-A_l5_4, z_Omega2_over_mu_rho2, fma(-A_l5_3, z_Omega1_over_mu_rho2, fma(t25, n_beta_dot_over_mu_rho2, fma(-n_alpha_dot_over_mu_rho2, A_l5_1, f_Omega3_over_mu_rho2))));
         let dot_Omega3 = z_Omega3_over_mu_rho2 / A_s4_5_5_over_mu_rho2;
-        let dot_Omega2 = fma(-A_l5_4, dot_Omega3, z_Omega2_over_mu_rho2 * t41);
-        let dot_Omega1 = fma(-A_l4_3, dot_Omega2, fma(-A_l5_3, dot_Omega3, z_Omega1_over_mu_rho2 * t40));
-        let dot_alpha_dot = fma(t38, dot_Omega1, fma(t39, dot_Omega2, fma(-A_l5_1, dot_Omega3, n_alpha_dot_over_mu_rho2 * t37)));
-        let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mu_rho2, dot_Omega1, fma(-A_beta_dot_Omega2_over_mu_rho2, dot_Omega2, fma(t24, dot_Omega3, n_beta_dot_over_mu_rho2)));
+        let dot_Omega2 = fma(-A_l5_4, dot_Omega3, z_Omega2_over_mu_rho2 * t39);
+        let dot_Omega1 = fma(-A_l4_3, dot_Omega2, fma(-A_l5_3, dot_Omega3, z_Omega1_over_mu_rho2 * t38));
+        let dot_alpha_dot = fma(t36, dot_Omega1, fma(t37, dot_Omega2, fma(-A_l5_1, dot_Omega3, n_alpha_dot_over_mu_rho2 * t35)));
+        let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mu_rho2, dot_Omega1, fma(-A_beta_dot_Omega2_over_mu_rho2, dot_Omega2, fma(t25, dot_Omega3, n_beta_dot_over_mu_rho2)));
         let dot_cos_beta = -(sin_beta * beta_dot);
         let dot_sin_beta = cos_beta * beta_dot;
         let dot_cos_alpha = -(sin_alpha * alpha_dot);
@@ -519,8 +526,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t10 = fma(-t7, t9, fma(t4, fma(beta_dot, t6, Omega2), X1_over_rho));
         let t11 = fma(-t4, fma(-beta_dot, t5, Omega1), fma(t9, t8, X2_over_rho));
         let t12 = fma(-Omega2, t8, fma(Omega1, t7, fma(-beta_dot, t3, X3_over_rho)));
-        let t13 = fma(self.c15, fma(X3_over_rho, X3_over_rho, fma(X2_over_rho, X2_over_rho, X1_over_rho * X1_over_rho)), fma(self.c14, Omega3 * Omega3, fma(self.c13, Omega2 * Omega2, self.c12 * (Omega1 * Omega1))));
-        fma(self.c17, fma(t12, t12, fma(t11, t11, t10 * t10)), fma(self.c16, fma(Gamma1, t8, fma(Gamma2, t7, Gamma3 * t4)), t13))
+        let t13 = fma(self.c17, fma(X3_over_rho, X3_over_rho, fma(X2_over_rho, X2_over_rho, X1_over_rho * X1_over_rho)), fma(self.c16, Omega3 * Omega3, fma(self.c15, Omega2 * Omega2, self.c14 * (Omega1 * Omega1))));
+        fma(self.c19, fma(t12, t12, fma(t11, t11, t10 * t10)), fma(self.c18, fma(Gamma1, t8, fma(Gamma2, t7, Gamma3 * t4)), t13))
     }
 
     /// Momenta p = dL/dy.
@@ -547,16 +554,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t10 = t2 * t5;
         let t11 = t4 * t3;
         let t12 = fma(t8, t10, fma(beta_dot, t11, fma(-Omega1, t3, X2_over_rho)));
-        let p_alpha_dot = self.c26 * fma(t10, t12, -(t6 * t9));
+        let p_alpha_dot = self.c28 * fma(t10, t12, -(t6 * t9));
         let t13 = t3 * t9;
         let t14 = fma(-Omega2, t10, fma(Omega1, t6, fma(-beta_dot, t2, X3_over_rho)));
-        let p_beta_dot = self.c26 * fma(t5, t13, fma(-t2, t14, t11 * t12));
-        let p_Omega1 = fma(-self.c26, fma(-t6, t14, t3 * t12), self.I1 * Omega1);
-        let p_Omega2 = fma(self.c26, fma(-t10, t14, t13), self.I2 * Omega2);
+        let p_beta_dot = self.c28 * fma(t5, t13, fma(-t2, t14, t11 * t12));
+        let p_Omega1 = fma(-self.c28, fma(-t6, t14, t3 * t12), self.I1 * Omega1);
+        let p_Omega2 = fma(self.c28, fma(-t10, t14, t13), self.I2 * Omega2);
         let p_Omega3 = fma(Omega3, self.I3, p_alpha_dot);
-        let p_X1 = fma(t9, self.c25, self.c23 * t7);
-        let p_X2 = fma(t12, self.c25, self.c24 * X2_over_rho);
-        let p_X3 = fma(t14, self.c25, self.c24 * X3_over_rho);
+        let p_X1 = fma(t9, self.c27, self.c25 * t7);
+        let p_X2 = fma(t12, self.c27, self.c26 * X2_over_rho);
+        let p_X3 = fma(t14, self.c27, self.c26 * X3_over_rho);
         [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3]
     }
 
@@ -571,28 +578,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         // velocities y = Psi u + psi0
-        let t0 = self.c27 * Gamma3;
-        let t1 = self.c27 * Gamma2;
+        let t0 = self.c29 * Gamma3;
+        let t1 = self.c29 * Gamma2;
         let X1_over_mu_r_rho = fma(-Omega3, t1, Omega2 * t0);
-        let t2 = self.c27 * Gamma1;
+        let t2 = self.c29 * Gamma1;
         let X2_over_mu_r_rho = fma(-Omega1, t0, Omega3 * t2);
         let X3_over_mu_r_rho = fma(-Omega2, t2, Omega1 * t1);
         // velocities v in squares m/2 |v|^2
         let t3 = alpha_dot + Omega3;
         let ([t4, t6], [t5, t7]) = beta.sin_cos_of_two(alpha);
         let t8 = t4 * t6;
-        let t9 = self.c28 * t8;
-        let t10 = self.c28 * t5;
+        let t9 = self.c30 * t8;
+        let t10 = self.c30 * t5;
         let t11 = beta_dot * t10;
         let t12 = t7 * t11;
         let t13 = fma(t3, t9, -t12);
         let v1_1_over_mu_r_rho = fma(Omega2, t10, X1_over_mu_r_rho) - t13;
         let t14 = t6 * t11;
         let t15 = t4 * t7;
-        let t16 = self.c28 * t15;
+        let t16 = self.c30 * t15;
         let t17 = fma(t3, t16, t14);
         let v1_2_over_mu_r_rho = fma(-Omega1, t10, X2_over_mu_r_rho) + t17;
-        let t18 = self.c28 * t4;
+        let t18 = self.c30 * t4;
         let v1_3_over_mu_r_rho = fma(-Omega2, t16, fma(Omega1, t9, fma(-beta_dot, t18, X3_over_mu_r_rho)));
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
         let t19 = t10 * t3;
@@ -600,22 +607,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let a1_2_over_mu_r_rho = fma(Omega3, v1_1_over_mu_r_rho, fma(-alpha_dot, t13, fma(-Omega1, v1_3_over_mu_r_rho, beta_dot * fma(-beta_dot, t9, fma(t7, t19, Omega1 * t18)))));
         let a1_3_over_mu_r_rho = fma(-Omega2, fma(-alpha_dot, t9, t12) + v1_1_over_mu_r_rho, fma(Omega1, fma(alpha_dot, t16, t14) + v1_2_over_mu_r_rho, -(beta_dot * t11)));
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t20 = self.c30 * t5;
-        let t21 = self.c25 * t8;
+        let t20 = self.c32 * t5;
+        let t21 = self.c27 * t8;
         let t22 = Gamma2 * t15;
-        let t23 = self.c25 * t15;
-        let r_alpha_dot_over_mu_r_rho = fma(-a1_2_over_mu_r_rho, t23, fma(a1_1_over_mu_r_rho, t21, -(self.c30 * fma(-Gamma1, t8, t22))));
-        let r_Omega3_over_mu_r_rho = fma(Omega1, self.c31 * Omega2, r_alpha_dot_over_mu_r_rho);
+        let t23 = self.c27 * t15;
+        let r_alpha_dot_over_mu_r_rho = fma(-a1_2_over_mu_r_rho, t23, fma(a1_1_over_mu_r_rho, t21, -(self.c32 * fma(-Gamma1, t8, t22))));
+        let r_Omega3_over_mu_r_rho = fma(Omega1, self.c33 * Omega2, r_alpha_dot_over_mu_r_rho);
         let lag_X1_over_mu_r_rho = fma(-Omega2, X3_over_mu_r_rho, Omega3 * X2_over_mu_r_rho);
-        let r_X1 = fma(a1_1_over_mu_r_rho, self.c33, self.c32 * lag_X1_over_mu_r_rho);
+        let r_X1 = fma(a1_1_over_mu_r_rho, self.c35, self.c34 * lag_X1_over_mu_r_rho);
         let lag_X2_over_mu_r_rho = fma(-Omega3, X1_over_mu_r_rho, Omega1 * X3_over_mu_r_rho);
-        let r_X2 = fma(a1_2_over_mu_r_rho, self.c33, self.c32 * lag_X2_over_mu_r_rho);
+        let r_X2 = fma(a1_2_over_mu_r_rho, self.c35, self.c34 * lag_X2_over_mu_r_rho);
         let lag_X3_over_mu_r_rho = fma(-Omega1, X2_over_mu_r_rho, Omega2 * X1_over_mu_r_rho);
-        let r_X3 = fma(a1_3_over_mu_r_rho, self.c33, self.c32 * lag_X3_over_mu_r_rho);
+        let r_X3 = fma(a1_3_over_mu_r_rho, self.c35, self.c34 * lag_X3_over_mu_r_rho);
         // mass matrix A = W^T L_yy Psi
         let t24 = t4 * t4;
-        let A_alpha_dot_alpha_dot_over_mu_r_rho = self.c3 * t24;
-        let t25 = fma(t5, self.c3, Gamma3);
+        let A_alpha_dot_alpha_dot_over_mu_r_rho = self.c5 * t24;
+        let t25 = fma(t5, self.c5, Gamma3);
         let t26 = t15 * t25;
         let t27 = t8 * t25;
         let t28 = Gamma2 * t8;
@@ -623,37 +630,37 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t30 = t28 + t29;
         let A_alpha_dot_Omega3_over_mu_r_rho = A_alpha_dot_alpha_dot_over_mu_r_rho + t30;
         let t31 = Gamma3 * t5;
-        let A_beta_dot_Omega1_over_mu_r_rho = fma(-t6, t31, fma(-t6, self.c3, -(Gamma2 * t4)));
-        let A_beta_dot_Omega2_over_mu_r_rho = fma(t7, t31, fma(t7, self.c3, Gamma1 * t4));
+        let A_beta_dot_Omega1_over_mu_r_rho = fma(-t6, t31, fma(-t6, self.c5, -(Gamma2 * t4)));
+        let A_beta_dot_Omega2_over_mu_r_rho = fma(t7, t31, fma(t7, self.c5, Gamma1 * t4));
         let t32 = t5 * fma(-Gamma1, t6, Gamma2 * t7);
         let t33 = t5 * t5;
-        let t34 = fma(t5, self.c4, Gamma3);
-        let t35 = self.c34 * Gamma3;
+        let t34 = fma(t5, self.c6, Gamma3);
+        let t35 = self.c36 * Gamma3;
         let t36 = Gamma2 * Gamma2;
-        let A_Omega1_Omega1_over_mu_r_rho = fma(self.c3, fma(t8, t8, t33), fma(t28, R::from_f64(2.0), fma(t34, t35, fma(t36, self.c34, self.c35))));
-        let t37 = self.c34 * Gamma1;
-        let A_Omega1_Omega2_over_mu_r_rho = fma(-t8, fma(t15, self.c3, Gamma1), fma(-Gamma2, t37, -t22));
+        let A_Omega1_Omega1_over_mu_r_rho = fma(self.c5, fma(t8, t8, t33), fma(t28, R::from_f64(2.0), fma(t34, t35, fma(t36, self.c36, self.c37))));
+        let t37 = self.c36 * Gamma1;
+        let A_Omega1_Omega2_over_mu_r_rho = fma(-t8, fma(t15, self.c5, Gamma1), fma(-Gamma2, t37, -t22));
         let t38 = t35 + t5;
         let A_Omega1_Omega3_over_mu_r_rho = fma(-Gamma1, t38, -t26);
-        let A_Omega2_Omega2_over_mu_r_rho = fma(self.c3, fma(t15, t15, t33), fma(t29, R::from_f64(2.0), fma(t34, t35, fma(Gamma1, t37, self.c36))));
+        let A_Omega2_Omega2_over_mu_r_rho = fma(self.c5, fma(t15, t15, t33), fma(t29, R::from_f64(2.0), fma(t34, t35, fma(Gamma1, t37, self.c38))));
         let A_Omega2_Omega3_over_mu_r_rho = fma(-Gamma2, t38, -t27);
-        let A_Omega3_Omega3_over_2_mu_r_rho = fma(t24, self.c39, fma(self.c37, fma(Gamma1, Gamma1, t36), self.c38)) + t30;
+        let A_Omega3_Omega3_over_2_mu_r_rho = fma(t24, self.c41, fma(self.c39, fma(Gamma1, Gamma1, t36), self.c40)) + t30;
         // right side f = W^T (r - L_yy lag)
         let t39 = fma(-t23, lag_X2_over_mu_r_rho, t21 * lag_X1_over_mu_r_rho);
         let n_alpha_dot_over_mu_r_rho = t39 + r_alpha_dot_over_mu_r_rho;
         let t40 = lag_X3_over_mu_r_rho + a1_3_over_mu_r_rho;
-        let t41 = self.c25 * t4;
-        let t42 = self.c25 * t5;
+        let t41 = self.c27 * t4;
+        let t42 = self.c27 * t5;
         let t43 = lag_X2_over_mu_r_rho + a1_2_over_mu_r_rho;
         let t44 = lag_X1_over_mu_r_rho + a1_1_over_mu_r_rho;
-        let n_beta_dot_over_mu_r_rho = fma(-t42, fma(t7, t44, t6 * t43), fma(t40, t41, self.c29 * fma(t10, fma(Gamma1, t7, Gamma2 * t6), -(Gamma3 * t18))));
-        let t45 = self.c30 * Gamma3;
-        let n_Omega1_over_mu_r_rho = fma(-t21, t40, fma(t42, t43, fma(-t8, t45, fma(Gamma2, t20, self.c40 * Omega3 * Omega2))));
-        let n_Omega2_over_mu_r_rho = fma(-t42, t44, fma(t23, t40, fma(t15, t45, fma(-Gamma1, t20, self.c41 * Omega3 * Omega1))));
+        let n_beta_dot_over_mu_r_rho = fma(-t42, fma(t7, t44, t6 * t43), fma(t40, t41, self.c31 * fma(t10, fma(Gamma1, t7, Gamma2 * t6), -(Gamma3 * t18))));
+        let t45 = self.c32 * Gamma3;
+        let n_Omega1_over_mu_r_rho = fma(-t21, t40, fma(t42, t43, fma(-t8, t45, fma(Gamma2, t20, self.c42 * Omega3 * Omega2))));
+        let n_Omega2_over_mu_r_rho = fma(-t42, t44, fma(t23, t40, fma(t15, t45, fma(-Gamma1, t20, self.c43 * Omega3 * Omega1))));
         let n_Omega3_over_mu_r_rho = t39 + r_Omega3_over_mu_r_rho;
-        let n_X1 = fma(-lag_X1_over_mu_r_rho, self.c42, r_X1);
-        let n_X2 = fma(-lag_X2_over_mu_r_rho, self.c42, r_X2);
-        let n_X3 = fma(-lag_X3_over_mu_r_rho, self.c42, r_X3);
+        let n_X1 = fma(-lag_X1_over_mu_r_rho, self.c44, r_X1);
+        let n_X2 = fma(-lag_X2_over_mu_r_rho, self.c44, r_X2);
+        let n_X3 = fma(-lag_X3_over_mu_r_rho, self.c44, r_X3);
         let f_Omega1_over_mu_r_rho = fma(-t0, n_X2, fma(t1, n_X3, n_Omega1_over_mu_r_rho));
         let f_Omega2_over_mu_r_rho = fma(-t2, n_X3, fma(t0, n_X1, n_Omega2_over_mu_r_rho));
         let f_Omega3_over_mu_r_rho = fma(-t1, n_X1, fma(t2, n_X2, n_Omega3_over_mu_r_rho));
@@ -702,9 +709,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t52 = t42 * dot_beta_dot;
         let t53 = dot_Omega3 + dot_alpha_dot;
         [
-            fma(-t21, t53, fma(t7, t52, fma(dot_X1_over_mu_r_rho, self.c42, fma(t42, dot_Omega2, -r_X1)))),
-            fma(t23, t53, fma(t6, t52, fma(dot_X2_over_mu_r_rho, self.c42, fma(-t42, dot_Omega1, -r_X2)))),
-            fma(-t41, dot_beta_dot, fma(dot_X3_over_mu_r_rho, self.c42, fma(t21, dot_Omega1, fma(-t23, dot_Omega2, -r_X3)))),
+            fma(-t21, t53, fma(t7, t52, fma(dot_X1_over_mu_r_rho, self.c44, fma(t42, dot_Omega2, -r_X1)))),
+            fma(t23, t53, fma(t6, t52, fma(dot_X2_over_mu_r_rho, self.c44, fma(-t42, dot_Omega1, -r_X2)))),
+            fma(-t41, dot_beta_dot, fma(dot_X3_over_mu_r_rho, self.c44, fma(t21, dot_Omega1, fma(-t23, dot_Omega2, -r_X3)))),
         ]
     }
 
@@ -724,24 +731,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let X3_over_r = fma(-Omega2, Gamma1, Omega1 * Gamma2);
         // momenta p = dL/dy
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-        let t4 = self.c3 * t2;
+        let t4 = self.c5 * t2;
         let t5 = t0 * t4;
-        let t6 = self.c3 * t3;
+        let t6 = self.c5 * t3;
         let t7 = alpha_dot + Omega3;
         let t8 = fma(-t5, t7, fma(t6, fma(beta_dot, t1, Omega2), X1_over_r));
         let t9 = t1 * t4;
         let t10 = t0 * t6;
         let t11 = fma(t7, t9, fma(beta_dot, t10, fma(-Omega1, t6, X2_over_r)));
-        let p_alpha_dot = self.c43 * fma(t9, t11, -(t5 * t8));
+        let p_alpha_dot = self.c45 * fma(t9, t11, -(t5 * t8));
         let t12 = t6 * t8;
         let t13 = fma(-Omega2, t9, fma(Omega1, t5, fma(-beta_dot, t4, X3_over_r)));
-        let p_beta_dot = self.c43 * fma(-t4, t13, fma(t10, t11, t1 * t12));
-        let p_Omega1 = fma(-self.c43, fma(-t5, t13, t6 * t11), self.I1 * Omega1);
-        let p_Omega2 = fma(self.c43, fma(-t9, t13, t12), self.I2 * Omega2);
+        let p_beta_dot = self.c45 * fma(-t4, t13, fma(t10, t11, t1 * t12));
+        let p_Omega1 = fma(-self.c45, fma(-t5, t13, t6 * t11), self.I1 * Omega1);
+        let p_Omega2 = fma(self.c45, fma(-t9, t13, t12), self.I2 * Omega2);
         let p_Omega3 = fma(Omega3, self.I3, p_alpha_dot);
-        let p_X1_scaled = fma(t8, self.c43, self.c44 * X1_over_r);
-        let p_X2_scaled = fma(t11, self.c43, self.c44 * X2_over_r);
-        let p_X3_scaled = fma(t13, self.c43, self.c44 * X3_over_r);
+        let p_X1_scaled = fma(t8, self.c45, self.c46 * X1_over_r);
+        let p_X2_scaled = fma(t11, self.c45, self.c46 * X2_over_r);
+        let p_X3_scaled = fma(t13, self.c45, self.c46 * X3_over_r);
         [
             p_alpha_dot,
             p_beta_dot,
@@ -762,22 +769,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
-        let t4 = self.c45 * t0;
+        let t4 = self.c47 * t0;
         let t5 = alpha_dot + Omega3;
         let t6 = Gamma2 * t3;
         let t7 = fma(-Gamma1, t2, t6);
-        let t8 = self.c45 * t1;
+        let t8 = self.c47 * t1;
         let t9 = beta_dot * t8;
         let t10 = fma(Gamma1, t3, Gamma2 * t2);
-        let t11 = self.c16 * t0;
+        let t11 = self.c18 * t0;
         let t12 = fma(Omega3, fma(t9, t10, t5 * t4 * t7), -(t7 * t11));
         let t13 = Omega2 * t2;
         let t14 = fma(Omega1, t3, t13);
-        let t15 = fma(Gamma3, t9, self.c26 * beta_dot);
+        let t15 = fma(Gamma3, t9, self.c28 * beta_dot);
         let t16 = fma(-Omega1, Gamma2, Omega2 * Gamma1);
         let t17 = Omega1 * t2;
         let t18 = fma(Omega2, t3, -t17);
-        let t19 = self.c26 * t0;
+        let t19 = self.c28 * t0;
         let t20 = t0 * t19;
         let t21 = t14 * t20;
         let t22 = Gamma3 * t4;
@@ -789,19 +796,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t28 = Omega3 * t27;
         let t29 = beta_dot * Omega3;
         let t30 = Omega2 * Omega2;
-        let t31 = self.c26 * t14;
+        let t31 = self.c28 * t14;
         let t32 = fma(t0, t14, Omega3 * t1);
         let t33 = Omega1 * Omega2;
         let t34 = beta_dot * t22;
         let t35 = fma(Omega1, Omega1, t30);
         let t36 = Gamma3 * t14;
-        let t37 = self.c16 * t1;
+        let t37 = self.c18 * t1;
         let t38 = fma(-t18, t34, fma(-alpha_dot, t31, fma(t23, fma(t17, t17, fma(t30, t3 * t3, alpha_dot * alpha_dot)), fma(t4, fma(t7, t29, t28), fma(-t10, t37, fma(t16, t9, t26))))));
         let t39 = Omega3 * Gamma3;
-        let t40 = self.c47 * (t39 + t27);
-        let t41 = self.c48 * t1;
-        let t42 = fma(t41, fma(t32, self.c39, t39), fma(-alpha_dot, t20, Gamma3 * t40));
-        let t43 = self.c48 * t0;
+        let t40 = self.c49 * (t39 + t27);
+        let t41 = self.c50 * t1;
+        let t42 = fma(t41, fma(t32, self.c41, t39), fma(-alpha_dot, t20, Gamma3 * t40));
+        let t43 = self.c50 * t0;
         let t44 = fma(-Omega3, t25, fma(t22, t35, fma(-t28, t43, -t26)));
         let t45 = Gamma1 * t43;
         let t46 = fma(Omega3, fma(Omega3, t8, t40), -t37);
@@ -813,10 +820,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t52 = Gamma2 * t43;
         [
             fma(-t18, t25, fma(-t14, fma(t4, t16, t15), t12)),
-            fma(-t8, fma(t5, fma(-Omega3, t10, t36), -(t16 * t18)), fma(fma(-alpha_dot, t32, t2 * t3 * (t33 * t1)), self.c46 * t0, fma(-Omega3, fma(-t19, t32, t1 * t1 * t31), fma(-t24, t35, t38)))),
-            fma(Omega2, fma(Omega3, self.c49, t42), fma(-t3, fma(t45, Omega2 * alpha_dot, -t51), fma(-Gamma2, t46 - t48, fma(t2, t44, fma(-Omega1, t34, fma(-Gamma1, fma(t13, t49, -t50), t29 * t45)))))),
-            fma(-Omega1, fma(t6, t49, fma(Omega3, self.c50, t42)), fma(-t3, t44, fma(Gamma1, t46 + t48, fma(t2, t51, fma(-Omega2, t34, fma(-Gamma2, t50, t52 * fma(alpha_dot, t17, t29))))))),
-            fma(-t18, fma(t5, fma(Gamma3, t43, t23), t21), fma(-beta_dot, fma(t4, t27, t31), fma(t33, fma(-t3, t45, fma(t2, t52, self.c51)), fma(-t36, t49, fma(-(t47 * t4), fma(Gamma1, t2, t6), fma(-t16, t40, t12)))))),
+            fma(-t8, fma(t5, fma(-Omega3, t10, t36), -(t16 * t18)), fma(fma(-alpha_dot, t32, t2 * t3 * (t33 * t1)), self.c48 * t0, fma(-Omega3, fma(-t19, t32, t1 * t1 * t31), fma(-t24, t35, t38)))),
+            fma(Omega2, fma(Omega3, self.c51, t42), fma(-t3, fma(t45, Omega2 * alpha_dot, -t51), fma(-Gamma2, t46 - t48, fma(t2, t44, fma(-Omega1, t34, fma(-Gamma1, fma(t13, t49, -t50), t29 * t45)))))),
+            fma(-Omega1, fma(t6, t49, fma(Omega3, self.c52, t42)), fma(-t3, t44, fma(Gamma1, t46 + t48, fma(t2, t51, fma(-Omega2, t34, fma(-Gamma2, t50, t52 * fma(alpha_dot, t17, t29))))))),
+            fma(-t18, fma(t5, fma(Gamma3, t43, t23), t21), fma(-beta_dot, fma(t4, t27, t31), fma(t33, fma(-t3, t45, fma(t2, t52, self.c53)), fma(-t36, t49, fma(-(t47 * t4), fma(Gamma1, t2, t6), fma(-t16, t40, t12)))))),
         ]
     }
 
@@ -843,7 +850,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
         let t4 = t0 * t3;
-        let t5 = self.c3 * t1;
+        let t5 = self.c5 * t1;
         let t6 = self.c0 * (Gamma3 + t5);
         let t7 = t4 * t6;
         let t8 = t0 * t2;
@@ -868,14 +875,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t25 = t17 * (t23 - t24);
         let t26 = t1 * t1;
         let t27 = fma(t8, t8, t26);
-        let t28 = self.c5 * Gamma3;
-        let t29 = fma(t1, self.c4, Gamma3) * t28;
+        let t28 = self.c7 * Gamma3;
+        let t29 = fma(t1, self.c6, Gamma3) * t28;
         let t30 = Gamma2 * Gamma2;
-        let A_Omega1_Omega1_over_mu_rho2 = fma(t11, self.c7, fma(t30, self.c5, self.c6) + t27 + t29);
-        let t31 = self.c5 * Gamma1;
+        let A_Omega1_Omega1_over_mu_rho2 = fma(t11, self.c9, fma(t30, self.c7, self.c8) + t27 + t29);
+        let t31 = self.c7 * Gamma1;
         let t32 = Gamma2 * t31;
         let t33 = Gamma1 * t8;
-        let t34 = self.c3 * t8;
+        let t34 = self.c5 * t8;
         let t35 = t4 * (Gamma2 + t34);
         let t36 = self.c0 * (t33 + t35);
         let t37 = t32 + t36;
@@ -884,10 +891,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t40 = t38 + t39 + t7;
         let t41 = fma(t4, t4, t26);
         let t42 = Gamma1 * t31;
-        let A_Omega2_Omega2_over_mu_rho2 = fma(t12, self.c7, self.c8 + t42 + t29 + t41);
+        let A_Omega2_Omega2_over_mu_rho2 = fma(t12, self.c9, self.c10 + t42 + t29 + t41);
         let t43 = Gamma2 * (t28 + t17);
         let t44 = t43 + t9;
-        let A_Omega3_Omega3_over_mu_rho2 = fma(t13, self.c7, fma(t30, self.c5, self.c9) + t42 + t10);
+        let A_Omega3_Omega3_over_mu_rho2 = fma(t13, self.c9, fma(t30, self.c7, self.c11) + t42 + t10);
         // factors of A
         let t45 = t20 * t20;
         let A_s2_3_3_over_mu_rho2 = A_Omega1_Omega1_over_mu_rho2 - t45;
@@ -931,7 +938,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t66 = A_s3_4_5_over_mu_rho2 * A_l5_4;
         let A_s4_5_5_over_mu_rho2 = A_s3_5_5_over_mu_rho2 - t66;
         let t67 = Gamma3.abs();
-        let t68 = fma(R::from_f64(20.0), (self.c18 * t1).abs(), R::from_f64(10.0) * t67);
+        let t68 = fma(R::from_f64(20.0), (self.c20 * t1).abs(), R::from_f64(10.0) * t67);
         let t69 = t28.abs();
         let t70 = t29.abs();
         let t71 = R::from_f64(11.0) * (t2.abs() + t16.abs() + t19.abs());
@@ -945,7 +952,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_alpha_dot_Omega1_over_mu_rho2 = -t7;
         let t77 = A_alpha_dot_Omega1_over_mu_rho2.abs();
         let t78 = fma(t75, t52, R::from_f64(8.0) * t76);
-        let t79 = fma(R::from_f64(26.0), (self.c0 * t11).abs(), fma(t70, R::from_f64(13.0), fma(t68, t69, fma(t55, R::from_f64(10.0), fma(t45, R::from_f64(10.0), fma(t27, R::from_f64(13.0), fma(t30, self.c19, self.c20)))))));
+        let t79 = fma(R::from_f64(26.0), (self.c0 * t11).abs(), fma(t70, R::from_f64(13.0), fma(t68, t69, fma(t55, R::from_f64(10.0), fma(t45, R::from_f64(10.0), fma(t27, R::from_f64(13.0), fma(t30, self.c21, self.c22)))))));
         let t80 = fma(R::from_f64(2.0), A_s2_3_3_over_mu_rho2.abs(), fma(t75, t76, fma(t71, R::from_f64(2.0) * t72, fma(R::from_f64(2.0), A_Omega1_Omega1_over_mu_rho2.abs(), t79))));
         let t81 = fma(t77, t78, t80);
         let t82 = R::from_f64(11.0) * (t3.abs() + t21.abs() + t22.abs());
@@ -965,7 +972,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t93 = t61 * t61;
         let t94 = t61.abs();
         let t95 = fma(t91, t94, fma(t81, (A_s1_3_4_over_mu_rho2 * t93).abs(), R::from_f64(8.0) * t92));
-        let t96 = fma(t70, R::from_f64(13.0), fma(t68, t69, fma(t58, R::from_f64(10.0), fma(t49, R::from_f64(10.0), fma(t41, R::from_f64(13.0), fma(t42, R::from_f64(13.0), self.c21))))));
+        let t96 = fma(t70, R::from_f64(13.0), fma(t68, t69, fma(t58, R::from_f64(10.0), fma(t49, R::from_f64(10.0), fma(t41, R::from_f64(13.0), fma(t42, R::from_f64(13.0), self.c23))))));
         let t97 = fma(R::from_f64(2.0), A_s2_4_4_over_mu_rho2.abs(), fma(t84, t85, fma(t82, R::from_f64(2.0) * t83, fma(R::from_f64(2.0), A_Omega2_Omega2_over_mu_rho2.abs(), fma(R::from_f64(26.0), (self.c0 * t12).abs(), t96)))));
         let t98 = fma(t95, A_s1_3_4_over_mu_rho2.abs(), fma(t91, t92, fma(R::from_f64(10.0), t62.abs(), fma(t86, t87, fma(R::from_f64(2.0), A_s1_4_4_over_mu_rho2.abs(), t97)))));
         let t99 = R::from_f64(10.0) * (t11.abs() + t12.abs());
@@ -989,7 +996,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t113 = fma(R::from_f64(10.0), (-t59).abs(), fma(R::from_f64(2.0), A_s2_4_5_over_mu_rho2.abs(), fma(t104, t85, fma(R::from_f64(2.0), A_Omega2_Omega3_over_mu_rho2.abs(), t112))));
         let t114 = fma(t109, t92, fma(t95, t111, fma(R::from_f64(10.0), t63.abs(), fma(t87, t106, fma(R::from_f64(2.0), A_s1_4_5_over_mu_rho2.abs(), t113)))));
         let t115 = A_l5_4.abs();
-        let t116 = fma(t99, self.c7, fma(t60, R::from_f64(10.0), fma(t51, R::from_f64(10.0), fma(t10, R::from_f64(13.0), fma(t42, R::from_f64(13.0), fma(t30, self.c19, self.c22))))));
+        let t116 = fma(t99, self.c9, fma(t60, R::from_f64(10.0), fma(t51, R::from_f64(10.0), fma(t10, R::from_f64(13.0), fma(t42, R::from_f64(13.0), fma(t30, self.c21, self.c24))))));
         let t117 = fma(t102, R::from_f64(2.0) * t103, fma(R::from_f64(2.0), A_s2_5_5_over_mu_rho2.abs(), fma(R::from_f64(2.0), A_Omega3_Omega3_over_mu_rho2.abs(), fma(t100, R::from_f64(26.0), t116))));
         let t118 = fma(R::from_f64(2.0), A_s3_5_5_over_mu_rho2.abs(), fma(R::from_f64(10.0), t64.abs(), fma(R::from_f64(2.0), A_s1_5_5_over_mu_rho2.abs(), fma(t106, fma(t105, R::from_f64(8.0), t104 * t52), fma(t104, t105, t117)))));
         let t119 = fma(t114, t115, fma(R::from_f64(10.0), t66.abs(), fma(t111, fma(t109, t94, fma(t81, (A_s1_3_5_over_mu_rho2 * t93).abs(), R::from_f64(8.0) * t110)), fma(t109, t110, t118))));
@@ -1031,7 +1038,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 ::hamel_runtime::over_scalar!(Prepared[10] {
     I1, I2, I3, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20,
     c21, c22, c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36, c37, c38, c39, c40, c41,
-    c42, c43, c44, c45, c46, c47, c48, c49, c50, c51, c52, c53, c54, c55, c56, c57, c58, c59,
+    c42, c43, c44, c45, c46, c47, c48, c49, c50, c51, c52, c53, c54, c55, c56, c57, c58, c59, c60, c61,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

@@ -75,53 +75,57 @@ pub const INITIAL: [f64; 10] = [0.3, 1.2, 0.5, -0.2, 0.4, 0.9, -0.6, 0.0, 0.6, 0
 pub struct Prepared<R = f64> {
     c0: R, // r / rho
     c1: R, // g / rho
-    c2: R, // (I1 - I2) / (mu * (rho * rho))
-    c3: R, // rho / r
-    c4: R, // 2 * mu * rho / (r * (M + mu))
-    c5: R, // r * r * (M + mu) / (mu * (rho * rho))
-    c6: R, // I1 / (mu * (rho * rho))
-    c7: R, // 2 * r / rho
-    c8: R, // I2 / (mu * (rho * rho))
-    c9: R, // I3 / (mu * (rho * rho))
-    c10: R, // (I2 - I3) / (mu * (rho * rho))
-    c11: R, // (I3 - I1) / (mu * (rho * rho))
-    c12: R, // 0.5 * I1
-    c13: R, // 0.5 * I2
-    c14: R, // 0.5 * I3
-    c15: R, // 0.5 * M * (rho * rho)
-    c16: R, // mu * rho * g
-    c17: R, // 0.5 * mu * (rho * rho)
-    c18: R, // mu * rho / (r * (M + mu))
-    c19: R, // 13 * (r * r) * (M + mu) / (mu * (rho * rho))
-    c20: R, // 13 * I1 / (mu * (rho * rho))
-    c21: R, // 13 * I2 / (mu * (rho * rho))
-    c22: R, // 13 * I3 / (mu * (rho * rho))
-    c23: R, // r / rho
-    c24: R, // rho / r
+    c2: R, // (I3 - I1) / (mu * (rho * rho))
+    c3: R, // (I1 - I2) / (mu * (rho * rho))
+    c4: R, // M / mu
+    c5: R, // rho / r
+    c6: R, // 2 * mu * rho / (r * (M + mu))
+    c7: R, // r * r * (M + mu) / (mu * (rho * rho))
+    c8: R, // I1 / (mu * (rho * rho))
+    c9: R, // 2 * r / rho
+    c10: R, // I2 / (mu * (rho * rho))
+    c11: R, // I3 / (mu * (rho * rho))
+    c12: R, // -((M + mu) / mu)
+    c13: R, // (I2 - I3) / (mu * (rho * rho))
+    c14: R, // 0.5 * I1
+    c15: R, // 0.5 * I2
+    c16: R, // 0.5 * I3
+    c17: R, // 0.5 * M * (rho * rho)
+    c18: R, // mu * rho * g
+    c19: R, // 0.5 * mu * (rho * rho)
+    c20: R, // mu * rho / (r * (M + mu))
+    c21: R, // 13 * (r * r) * (M + mu) / (mu * (rho * rho))
+    c22: R, // 13 * I1 / (mu * (rho * rho))
+    c23: R, // 13 * I2 / (mu * (rho * rho))
+    c24: R, // 13 * I3 / (mu * (rho * rho))
     c25: R, // r / rho
-    c26: R, // 2 * r / rho
-    c27: R, // 2 * r / rho
-    c28: R, // r / rho
-    c29: R, // g / rho
+    c26: R, // rho / r
+    c27: R, // r / rho
+    c28: R, // 2 * r / rho
+    c29: R, // 2 * r / rho
     c30: R, // r / rho
-    c31: R, // (r - r / rho * rho - product_error(r / rho, rho)) / rho
-    c32: R, // (rho - rho / r * r - product_error(rho / r, r)) / r
-    c33: R, c34: R,
-    c35: R, // (2 * r - 2 * r / rho * rho - product_error(2 * r / rho, rho) + product_error(2, r)) / rho
-    c36: R, // (r - r / rho * rho - product_error(r / rho, rho)) / rho
-    c37: R, // (rho - rho / r * r - product_error(rho / r, r)) / r
-    c38: R, // (r - r / rho * rho - product_error(r / rho, rho)) / rho
-    c39: R, // (2 * r - 2 * r / rho * rho - product_error(2 * r / rho, rho) + product_error(2, r)) / rho
-    c40: R, // (2 * r - 2 * r / rho * rho - product_error(2 * r / rho, rho) + product_error(2, r)) / rho
-    c41: R, // (r - r / rho * rho - product_error(r / rho, rho)) / rho
+    c31: R, // g / rho
+    c32: R, // r / rho
+    c33: R, // (r - r / rho * rho - product_error(r / rho, rho)) / rho
+    c34: R, // (M - M / mu * mu - product_error(M / mu, mu)) / mu
+    c35: R, // (rho - rho / r * r - product_error(rho / r, r)) / r
+    c36: R, c37: R,
+    c38: R, // (2 * r - 2 * r / rho * rho - product_error(2 * r / rho, rho) + product_error(2, r)) / rho
+    c39: R,
+    c40: R, // (r - r / rho * rho - product_error(r / rho, rho)) / rho
+    c41: R, // (rho - rho / r * r - product_error(rho / r, r)) / r
     c42: R, // (r - r / rho * rho - product_error(r / rho, rho)) / rho
+    c43: R, // (2 * r - 2 * r / rho * rho - product_error(2 * r / rho, rho) + product_error(2, r)) / rho
+    c44: R, // (2 * r - 2 * r / rho * rho - product_error(2 * r / rho, rho) + product_error(2, r)) / rho
+    c45: R, // (r - r / rho * rho - product_error(r / rho, rho)) / rho
+    c46: R, // (r - r / rho * rho - product_error(r / rho, rho)) / rho
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 107 additions, 86 multiplications (7 fused), 22 divisions.
+    /// Operations: 124 additions, 96 multiplications (7 fused), 26 divisions, 2 sign changes.
     ///
     /// # Errors
     ///
@@ -134,23 +138,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = g / rho;
         let t3 = rho * rho;
         let t4 = mu * t3;
-        let t5 = rho / r;
-        let t6 = (rho - t5 * r - R::product_error(t5, r)) / r;
-        let t7 = R::from_f64(2.0) * mu;
-        let t8 = t7 * rho;
-        let t9 = M + mu;
-        let t10 = R::sum_error(M, mu);
-        let t11 = r * t9;
-        let t12 = t8 / t11;
-        let t13 = fma(-t12, fma(r, t10, R::product_error(r, t9)), t8 - t12 * t11 - R::product_error(t12, t11) + fma(rho, R::product_error(R::from_f64(2.0), mu), R::product_error(t7, rho)));
-        let t14 = r * r;
-        let t15 = t14 * t9;
-        let t16 = t15 / t4;
-        let t17 = fma(-t16, fma(mu, R::product_error(rho, rho), R::product_error(mu, t3)), t15 - t16 * t4 - R::product_error(t16, t4) + fma(t9, R::product_error(r, r), fma(t14, t10, R::product_error(t14, t9))));
-        let t18 = R::from_f64(2.0) * r;
-        let t19 = t18 / rho;
-        let t20 = (t18 - t19 * rho - R::product_error(t19, rho) + R::product_error(R::from_f64(2.0), r)) / rho;
-        let t21 = mu * rho;
+        let t5 = M / mu;
+        let t6 = rho / r;
+        let t7 = (rho - t6 * r - R::product_error(t6, r)) / r;
+        let t8 = R::from_f64(2.0) * mu;
+        let t9 = t8 * rho;
+        let t10 = M + mu;
+        let t11 = R::sum_error(M, mu);
+        let t12 = r * t10;
+        let t13 = t9 / t12;
+        let t14 = fma(-t13, fma(r, t11, R::product_error(r, t10)), t9 - t13 * t12 - R::product_error(t13, t12) + fma(rho, R::product_error(R::from_f64(2.0), mu), R::product_error(t8, rho)));
+        let t15 = r * r;
+        let t16 = t15 * t10;
+        let t17 = t16 / t4;
+        let t18 = fma(-t17, fma(mu, R::product_error(rho, rho), R::product_error(mu, t3)), t16 - t17 * t4 - R::product_error(t17, t4) + fma(t10, R::product_error(r, r), fma(t15, t11, R::product_error(t15, t10))));
+        let t19 = R::from_f64(2.0) * r;
+        let t20 = t19 / rho;
+        let t21 = (t19 - t20 * rho - R::product_error(t20, rho) + R::product_error(R::from_f64(2.0), r)) / rho;
+        let t22 = t10 / mu;
+        let t23 = mu * rho;
         ::hamel_runtime::ParamError::require(I1.all_gt(R::ZERO), "I1 > 0", "")?;
         ::hamel_runtime::ParamError::require(I2.all_gt(R::ZERO), "I2 > 0", "")?;
         ::hamel_runtime::ParamError::require(I3.all_gt(R::ZERO), "I3 > 0", "")?;
@@ -159,17 +165,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ::hamel_runtime::ParamError::require(r.all_gt(R::ZERO), "r > 0", "")?;
         ::hamel_runtime::ParamError::require(rho.all_gt(R::ZERO), "rho > 0", "")?;
         Ok(Self {
-            c0: t0, c1: t2, c2: (I1 - I2) / t4, c3: t5, c4: t12, c5: t16, c6: I1 / t4, c7: t19, c8: I2 / t4,
-            c9: I3 / t4, c10: (I2 - I3) / t4, c11: (I3 - I1) / t4, c12: R::from_f64(0.5) * I1,
-            c13: R::from_f64(0.5) * I2, c14: R::from_f64(0.5) * I3, c15: R::from_f64(0.5) * M * t3, c16: t21 * g,
-            c17: R::from_f64(0.5) * mu * t3,
-            c18: t21 / t11,
-            c19: R::from_f64(13.0) * t14 * t9 / t4,
-            c20: R::from_f64(13.0) * I1 / t4,
-            c21: R::from_f64(13.0) * I2 / t4,
-            c22: R::from_f64(13.0) * I3 / t4,
-            c23: t0, c24: t5, c25: t0, c26: t19, c27: t19, c28: t0, c29: t2, c30: t0, c31: t1, c32: t6,
-            c33: t13 / t11, c34: t17 / t4, c35: t20, c36: t1, c37: t6, c38: t1, c39: t20, c40: t20, c41: t1, c42: t1,
+            c0: t0, c1: t2, c2: (I3 - I1) / t4, c3: (I1 - I2) / t4, c4: t5, c5: t6, c6: t13, c7: t17, c8: I1 / t4,
+            c9: t20, c10: I2 / t4, c11: I3 / t4, c12: -t22, c13: (I2 - I3) / t4, c14: R::from_f64(0.5) * I1,
+            c15: R::from_f64(0.5) * I2, c16: R::from_f64(0.5) * I3, c17: R::from_f64(0.5) * M * t3, c18: t23 * g,
+            c19: R::from_f64(0.5) * mu * t3,
+            c20: t23 / t12,
+            c21: R::from_f64(13.0) * t15 * t10 / t4,
+            c22: R::from_f64(13.0) * I1 / t4,
+            c23: R::from_f64(13.0) * I2 / t4,
+            c24: R::from_f64(13.0) * I3 / t4,
+            c25: t0, c26: t6, c27: t0, c28: t20, c29: t20, c30: t0, c31: t2, c32: t0, c33: t1,
+            c34: (M - t5 * mu - R::product_error(t5, mu)) / mu,
+            c35: t7, c36: t14 / t12, c37: t18 / t4, c38: t21,
+            c39: -((t10 - t22 * mu - R::product_error(t22, mu) + t11) / mu),
+            c40: t1, c41: t7, c42: t1, c43: t21, c44: t21, c45: t1, c46: t1,
         })
     }
 
@@ -181,7 +190,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain chaplygin_gyro
     /// ```
     ///
-    /// Operations: 2907 additions, 1052 multiplications (231 fused), 8 divisions, 70 sign changes, 2 elementary functions.
+    /// Operations: 3010 additions, 1085 multiplications (242 fused), 8 divisions, 72 sign changes, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 10], dy: &mut [R; 10]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
@@ -265,7 +274,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let [t82, a1_1_over_rho, t104, a1_2_over_rho, t125, t126, a1_3_over_rho] = {
+        let [t82, a1_1_over_rho, t104, a1_2_over_rho, t127, a1_3_over_rho] = {
             let t60 = t4 * t15;
             let t61 = Omega2 * t3;
             let t62 = t8 * t60;
@@ -335,541 +344,563 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t124 = Omega2 * t118;
             let t125 = t123 - t124;
             let t126 = R::sum_error(t123, -t124) + (R::sum_error(t121, t122) - fma(Omega2, R::sum_error(t116, t117), R::product_error(Omega2, t118)));
+            let t127 = R::sum_error(t125, t126);
             let a1_3_over_rho = t125 + t126;
-            [t82, a1_1_over_rho, t104, a1_2_over_rho, t125, t126, a1_3_over_rho]
+            [t82, a1_1_over_rho, t104, a1_2_over_rho, t127, a1_3_over_rho]
         };
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
         let [
-            t134, t135, t136, t137, t138, t139, t140, t141, t142, t155, r_alpha_dot_over_mu_rho2, t158, t159,
-            r_Omega3_over_mu_rho2,
+            t135, t136, t137, t138, t141, t142, t143, t144, t157, r_alpha_dot_over_mu_rho2, t172, t173,
+            r_Omega2_over_mu_rho2, t176, t177, r_Omega3_over_mu_rho2, t182, lag_X1_over_rho, t184, t185,
+            r_X1_over_mu_rho,
         ] = {
-            let t127 = Gamma2 * t8;
-            let t128 = Gamma1 * t9;
-            let t129 = t128 + t127;
-            let t130 = R::sum_error(t128, t127) + (fma(Gamma1, t12, R::product_error(Gamma1, t9)) + fma(Gamma2, t11, R::product_error(Gamma2, t8)));
-            let t131 = t129 + t130;
-            let t132 = Gamma3 * t3;
-            let t133 = t4 * t131;
-            let t134 = t133 - t132;
-            let t135 = R::sum_error(t133, -t132) + (fma(t131, t7, fma(t4, R::sum_error(t129, t130), R::product_error(t4, t131))) - fma(Gamma3, t6, R::product_error(Gamma3, t3)));
-            let t136 = t134 + t135;
-            let t137 = self.c1 * t136;
-            let t138 = self.c1 * t34;
-            let t139 = fma(self.c1, t35, R::product_error(self.c1, t34));
-            let t140 = self.c1 * t4;
-            let t141 = Gamma1 * t13;
-            let t142 = fma(Gamma1, t14, R::product_error(Gamma1, t13));
-            let t143 = Gamma2 * t138;
-            let t144 = t141 * self.c1;
-            let t145 = t144 - t143;
-            let t146 = R::sum_error(t144, -t143) + (fma(self.c1, t142, R::product_error(t141, self.c1)) - fma(Gamma2, t139, R::product_error(Gamma2, t138)));
-            let t147 = t145 + t146;
-            let t148 = t34 * a1_2_over_rho;
-            let t149 = t147 - t148;
-            let t150 = R::sum_error(t147, -t148) + (R::sum_error(t145, t146) - fma(a1_2_over_rho, t35, fma(t34, t104, R::product_error(t34, a1_2_over_rho))));
-            let t151 = t149 + t150;
-            let t152 = t13 * a1_1_over_rho;
-            let t153 = t152 + t151;
-            let t154 = R::sum_error(t152, t151) + (fma(a1_1_over_rho, t14, fma(t13, t82, R::product_error(t13, a1_1_over_rho))) + R::sum_error(t149, t150));
-            let t155 = R::sum_error(t153, t154);
-            let r_alpha_dot_over_mu_rho2 = t153 + t154;
-            let t156 = self.c2 * Omega2;
-            let t157 = Omega1 * t156;
-            let t158 = t157 + r_alpha_dot_over_mu_rho2;
-            let t159 = R::sum_error(t157, r_alpha_dot_over_mu_rho2) + (R::product_error(Omega1, t156) + t155);
-            let r_Omega3_over_mu_rho2 = t158 + t159;
+            let t128 = Gamma2 * t8;
+            let t129 = Gamma1 * t9;
+            let t130 = t129 + t128;
+            let t131 = R::sum_error(t129, t128) + (fma(Gamma1, t12, R::product_error(Gamma1, t9)) + fma(Gamma2, t11, R::product_error(Gamma2, t8)));
+            let t132 = t130 + t131;
+            let t133 = Gamma3 * t3;
+            let t134 = t4 * t132;
+            let t135 = t134 - t133;
+            let t136 = R::sum_error(t134, -t133) + (fma(t132, t7, fma(t4, R::sum_error(t130, t131), R::product_error(t4, t132))) - fma(Gamma3, t6, R::product_error(Gamma3, t3)));
+            let t137 = t135 + t136;
+            let t138 = self.c1 * t137;
+            let t139 = self.c1 * t34;
+            let t140 = fma(self.c1, t35, R::product_error(self.c1, t34));
+            let t141 = self.c1 * t4;
+            let t142 = fma(self.c1, t7, R::product_error(self.c1, t4));
+            let t143 = Gamma1 * t13;
+            let t144 = fma(Gamma1, t14, R::product_error(Gamma1, t13));
+            let t145 = Gamma2 * t139;
+            let t146 = t143 * self.c1;
+            let t147 = t146 - t145;
+            let t148 = R::sum_error(t146, -t145) + (fma(self.c1, t144, R::product_error(t143, self.c1)) - fma(Gamma2, t140, R::product_error(Gamma2, t139)));
+            let t149 = t147 + t148;
+            let t150 = t34 * a1_2_over_rho;
+            let t151 = t149 - t150;
+            let t152 = R::sum_error(t149, -t150) + (R::sum_error(t147, t148) - fma(a1_2_over_rho, t35, fma(t34, t104, R::product_error(t34, a1_2_over_rho))));
+            let t153 = t151 + t152;
+            let t154 = t13 * a1_1_over_rho;
+            let t155 = t154 + t153;
+            let t156 = R::sum_error(t154, t153) + (fma(a1_1_over_rho, t14, fma(t13, t82, R::product_error(t13, a1_1_over_rho))) + R::sum_error(t151, t152));
+            let t157 = R::sum_error(t155, t156);
+            let r_alpha_dot_over_mu_rho2 = t155 + t156;
+            let t158 = self.c2 * Omega3 * Omega1;
+            let t159 = Gamma1 * t141;
+            let t160 = t158 - t159;
+            let t161 = R::sum_error(t158, -t159) + -fma(Gamma1, t142, R::product_error(Gamma1, t141));
+            let t162 = t160 + t161;
+            let t163 = Gamma3 * t139;
+            let t164 = t163 + t162;
+            let t165 = R::sum_error(t163, t162) + (fma(Gamma3, t140, R::product_error(Gamma3, t139)) + R::sum_error(t160, t161));
+            let t166 = t164 + t165;
+            let t167 = t34 * a1_3_over_rho;
+            let t168 = t167 + t166;
+            let t169 = R::sum_error(t167, t166) + (fma(a1_3_over_rho, t35, fma(t34, t127, R::product_error(t34, a1_3_over_rho))) + R::sum_error(t164, t165));
+            let t170 = t168 + t169;
+            let t171 = t4 * a1_1_over_rho;
+            let t172 = t170 - t171;
+            let t173 = R::sum_error(t170, -t171) + (R::sum_error(t168, t169) - fma(a1_1_over_rho, t7, fma(t4, t82, R::product_error(t4, a1_1_over_rho))));
+            let r_Omega2_over_mu_rho2 = t172 + t173;
+            let t174 = self.c3 * Omega2;
+            let t175 = Omega1 * t174;
+            let t176 = t175 + r_alpha_dot_over_mu_rho2;
+            let t177 = R::sum_error(t175, r_alpha_dot_over_mu_rho2) + (R::product_error(Omega1, t174) + t157);
+            let r_Omega3_over_mu_rho2 = t176 + t177;
+            let t178 = Omega3 * t1;
+            let t179 = Omega2 * t2;
+            let t180 = t179 - t178;
+            let t181 = R::sum_error(t179, -t178) + (R::product_error(Omega2, t2) - R::product_error(Omega3, t1));
+            let t182 = R::sum_error(t180, t181);
+            let lag_X1_over_rho = t180 + t181;
+            let t183 = lag_X1_over_rho * self.c4;
+            let t184 = t183 - a1_1_over_rho;
+            let t185 = R::sum_error(t183, -a1_1_over_rho) + (fma(self.c4, t182, fma(lag_X1_over_rho, self.c34, R::product_error(lag_X1_over_rho, self.c4))) - t82);
+            let r_X1_over_mu_rho = t184 + t185;
             [
-                t134, t135, t136, t137, t138, t139, t140, t141, t142, t155, r_alpha_dot_over_mu_rho2, t158, t159,
-                r_Omega3_over_mu_rho2,
+                t135, t136, t137, t138, t141, t142, t143, t144, t157, r_alpha_dot_over_mu_rho2, t172, t173,
+                r_Omega2_over_mu_rho2, t176, t177, r_Omega3_over_mu_rho2, t182, lag_X1_over_rho, t184, t185,
+                r_X1_over_mu_rho,
             ]
         };
         // accelerations of the dependent velocities at udot = 0
-        let [t164, lag_X1_over_rho, t169, lag_X2_over_rho, t172, t173, lag_X3_over_rho] = {
-            let t160 = Omega3 * t1;
-            let t161 = Omega2 * t2;
-            let t162 = t161 - t160;
-            let t163 = R::sum_error(t161, -t160) + (R::product_error(Omega2, t2) - R::product_error(Omega3, t1));
-            let t164 = R::sum_error(t162, t163);
-            let lag_X1_over_rho = t162 + t163;
-            let t165 = Omega1 * t2;
-            let t166 = Omega3 * t0;
-            let t167 = t166 - t165;
-            let t168 = R::sum_error(t166, -t165) + (R::product_error(Omega3, t0) - R::product_error(Omega1, t2));
-            let t169 = R::sum_error(t167, t168);
-            let lag_X2_over_rho = t167 + t168;
-            let t170 = Omega2 * t0;
-            let t171 = Omega1 * t1;
-            let t172 = t171 - t170;
-            let t173 = R::sum_error(t171, -t170) + (R::product_error(Omega1, t1) - R::product_error(Omega2, t0));
-            let lag_X3_over_rho = t172 + t173;
-            [t164, lag_X1_over_rho, t169, lag_X2_over_rho, t172, t173, lag_X3_over_rho]
+        let [t190, lag_X2_over_rho, t195, lag_X3_over_rho] = {
+            let t186 = Omega1 * t2;
+            let t187 = Omega3 * t0;
+            let t188 = t187 - t186;
+            let t189 = R::sum_error(t187, -t186) + (R::product_error(Omega3, t0) - R::product_error(Omega1, t2));
+            let t190 = R::sum_error(t188, t189);
+            let lag_X2_over_rho = t188 + t189;
+            let t191 = Omega2 * t0;
+            let t192 = Omega1 * t1;
+            let t193 = t192 - t191;
+            let t194 = R::sum_error(t192, -t191) + (R::product_error(Omega1, t1) - R::product_error(Omega2, t0));
+            let t195 = R::sum_error(t193, t194);
+            let lag_X3_over_rho = t193 + t194;
+            [t190, lag_X2_over_rho, t195, lag_X3_over_rho]
         };
         // mass matrix A = W^T L_yy Psi
         let [
-            t180, t181, t182, t183, t184, t185, t197, A_alpha_dot_Omega3_over_mu_rho2, t211,
-            A_beta_dot_Omega1_over_mu_rho2, t219, A_beta_dot_Omega2_over_mu_rho2, t225, t226, t254, t255,
-            A_Omega1_Omega1_over_mu_rho2, t268, t269, A_Omega1_Omega2_over_mu_rho2, t275, t276,
-            A_Omega1_Omega3_over_mu_rho2, t293, t294, A_Omega2_Omega2_over_mu_rho2, t299, t300,
-            A_Omega2_Omega3_over_mu_rho2, t311, t312, A_Omega3_Omega3_over_mu_rho2,
+            t202, t203, t204, t205, t206, t207, t219, A_alpha_dot_Omega3_over_mu_rho2, t233,
+            A_beta_dot_Omega1_over_mu_rho2, t241, A_beta_dot_Omega2_over_mu_rho2, t247, t248, t276, t277,
+            A_Omega1_Omega1_over_mu_rho2, t290, t291, A_Omega1_Omega2_over_mu_rho2, t297, t298,
+            A_Omega1_Omega3_over_mu_rho2, t315, t316, A_Omega2_Omega2_over_mu_rho2, t321, t322,
+            A_Omega2_Omega3_over_mu_rho2, t333, t334, A_Omega3_Omega3_over_mu_rho2,
         ] = {
-            let t174 = t4 * self.c3;
-            let t175 = t174 + Gamma3;
-            let t176 = R::sum_error(t174, Gamma3) + fma(self.c3, t7, fma(t4, self.c32, R::product_error(t4, self.c3)));
-            let t177 = t175 + t176;
-            let t178 = self.c23 * t177;
-            let t179 = fma(t177, self.c36, fma(self.c23, R::sum_error(t175, t176), R::product_error(self.c23, t177)));
-            let t180 = t34 * t178;
-            let t181 = fma(t178, t35, fma(t34, t179, R::product_error(t34, t178)));
-            let t182 = t13 * t178;
-            let t183 = fma(t178, t14, fma(t13, t179, R::product_error(t13, t178)));
-            let t184 = t3 * t3;
-            let t185 = fma(t3, t6, fma(t3, t6, R::product_error(t3, t3)));
-            let t186 = Gamma2 * t13;
-            let t187 = fma(Gamma2, t14, R::product_error(Gamma2, t13));
-            let t188 = Gamma1 * t34;
-            let t189 = fma(Gamma1, t35, R::product_error(Gamma1, t34));
-            let t190 = t186 + t188;
-            let t191 = R::sum_error(t186, t188) + (t187 + t189);
-            let t192 = R::sum_error(t190, t191);
-            let t193 = t190 + t191;
-            let t194 = t193 * self.c0;
-            let t195 = t194 + t184;
-            let t196 = R::sum_error(t194, t184) + (fma(self.c0, t192, fma(t193, self.c31, R::product_error(t193, self.c0))) + t185);
-            let t197 = R::sum_error(t195, t196);
-            let A_alpha_dot_Omega3_over_mu_rho2 = t195 + t196;
-            let t198 = self.c0 * t3;
-            let t199 = fma(t3, self.c31, fma(self.c0, t6, R::product_error(self.c0, t3)));
-            let t200 = self.c0 * t4;
-            let t201 = fma(t4, self.c31, fma(self.c0, t7, R::product_error(self.c0, t4)));
-            let t202 = Gamma3 * t200;
-            let t203 = fma(Gamma3, t201, R::product_error(Gamma3, t200));
-            let t204 = Gamma2 * t198;
-            let t205 = t204 + t8;
-            let t206 = R::sum_error(t204, t8) + (fma(Gamma2, t199, R::product_error(Gamma2, t198)) + t11);
-            let t207 = -(t205 + t206);
-            let t208 = t8 * t202;
-            let t209 = t207 - t208;
-            let t210 = R::sum_error(t207, -t208) + (-R::sum_error(t205, t206) - fma(t202, t11, fma(t8, t203, R::product_error(t8, t202))));
-            let t211 = R::sum_error(t209, t210);
-            let A_beta_dot_Omega1_over_mu_rho2 = t209 + t210;
-            let t212 = Gamma1 * t198;
-            let t213 = t212 + t9;
-            let t214 = R::sum_error(t212, t9) + (fma(Gamma1, t199, R::product_error(Gamma1, t198)) + t12);
-            let t215 = t213 + t214;
-            let t216 = t9 * t202;
-            let t217 = t216 + t215;
-            let t218 = R::sum_error(t216, t215) + (fma(t202, t12, fma(t9, t203, R::product_error(t9, t202))) + R::sum_error(t213, t214));
+            let t196 = t4 * self.c5;
+            let t197 = t196 + Gamma3;
+            let t198 = R::sum_error(t196, Gamma3) + fma(self.c5, t7, fma(t4, self.c35, R::product_error(t4, self.c5)));
+            let t199 = t197 + t198;
+            let t200 = self.c25 * t199;
+            let t201 = fma(t199, self.c40, fma(self.c25, R::sum_error(t197, t198), R::product_error(self.c25, t199)));
+            let t202 = t34 * t200;
+            let t203 = fma(t200, t35, fma(t34, t201, R::product_error(t34, t200)));
+            let t204 = t13 * t200;
+            let t205 = fma(t200, t14, fma(t13, t201, R::product_error(t13, t200)));
+            let t206 = t3 * t3;
+            let t207 = fma(t3, t6, fma(t3, t6, R::product_error(t3, t3)));
+            let t208 = Gamma2 * t13;
+            let t209 = fma(Gamma2, t14, R::product_error(Gamma2, t13));
+            let t210 = Gamma1 * t34;
+            let t211 = fma(Gamma1, t35, R::product_error(Gamma1, t34));
+            let t212 = t208 + t210;
+            let t213 = R::sum_error(t208, t210) + (t209 + t211);
+            let t214 = R::sum_error(t212, t213);
+            let t215 = t212 + t213;
+            let t216 = t215 * self.c0;
+            let t217 = t216 + t206;
+            let t218 = R::sum_error(t216, t206) + (fma(self.c0, t214, fma(t215, self.c33, R::product_error(t215, self.c0))) + t207);
             let t219 = R::sum_error(t217, t218);
-            let A_beta_dot_Omega2_over_mu_rho2 = t217 + t218;
-            let t220 = Gamma2 * t9;
-            let t221 = Gamma1 * t8;
-            let t222 = t220 - t221;
-            let t223 = R::sum_error(t220, -t221) + (fma(Gamma2, t12, R::product_error(Gamma2, t9)) - fma(Gamma1, t11, R::product_error(Gamma1, t8)));
-            let t224 = t222 + t223;
-            let t225 = t200 * t224;
-            let t226 = fma(t224, t201, fma(t200, R::sum_error(t222, t223), R::product_error(t200, t224)));
-            let t227 = t4 * self.c4;
-            let t228 = t227 + Gamma3;
-            let t229 = R::sum_error(t227, Gamma3) + fma(self.c4, t7, fma(t4, self.c33, R::product_error(t4, self.c4)));
-            let t230 = t228 + t229;
-            let t231 = self.c5 * Gamma3;
-            let t232 = fma(Gamma3, self.c34, R::product_error(self.c5, Gamma3));
-            let t233 = Gamma2 * Gamma2;
-            let t234 = t233 * self.c5;
-            let t235 = fma(self.c5, R::product_error(Gamma2, Gamma2), fma(t233, self.c34, R::product_error(t233, self.c5)));
-            let t236 = t234 + self.c6;
-            let t237 = R::sum_error(t234, self.c6) + t235;
-            let t238 = t236 + t237;
-            let t239 = t4 * t4;
-            let t240 = fma(t4, t7, fma(t4, t7, R::product_error(t4, t4)));
-            let t241 = t239 + t238;
-            let t242 = R::sum_error(t239, t238) + (t240 + R::sum_error(t236, t237));
-            let t243 = t241 + t242;
-            let t244 = t13 * t13;
-            let t245 = t244 + t243;
-            let t246 = R::sum_error(t244, t243) + (fma(t13, t14, fma(t13, t14, R::product_error(t13, t13))) + R::sum_error(t241, t242));
-            let t247 = t245 + t246;
-            let t248 = t230 * t231;
-            let t249 = fma(t231, R::sum_error(t228, t229), fma(t230, t232, R::product_error(t230, t231)));
-            let t250 = t248 + t247;
-            let t251 = R::sum_error(t248, t247) + (t249 + R::sum_error(t245, t246));
+            let A_alpha_dot_Omega3_over_mu_rho2 = t217 + t218;
+            let t220 = self.c0 * t3;
+            let t221 = fma(t3, self.c33, fma(self.c0, t6, R::product_error(self.c0, t3)));
+            let t222 = self.c0 * t4;
+            let t223 = fma(t4, self.c33, fma(self.c0, t7, R::product_error(self.c0, t4)));
+            let t224 = Gamma3 * t222;
+            let t225 = fma(Gamma3, t223, R::product_error(Gamma3, t222));
+            let t226 = Gamma2 * t220;
+            let t227 = t226 + t8;
+            let t228 = R::sum_error(t226, t8) + (fma(Gamma2, t221, R::product_error(Gamma2, t220)) + t11);
+            let t229 = -(t227 + t228);
+            let t230 = t8 * t224;
+            let t231 = t229 - t230;
+            let t232 = R::sum_error(t229, -t230) + (-R::sum_error(t227, t228) - fma(t224, t11, fma(t8, t225, R::product_error(t8, t224))));
+            let t233 = R::sum_error(t231, t232);
+            let A_beta_dot_Omega1_over_mu_rho2 = t231 + t232;
+            let t234 = Gamma1 * t220;
+            let t235 = t234 + t9;
+            let t236 = R::sum_error(t234, t9) + (fma(Gamma1, t221, R::product_error(Gamma1, t220)) + t12);
+            let t237 = t235 + t236;
+            let t238 = t9 * t224;
+            let t239 = t238 + t237;
+            let t240 = R::sum_error(t238, t237) + (fma(t224, t12, fma(t9, t225, R::product_error(t9, t224))) + R::sum_error(t235, t236));
+            let t241 = R::sum_error(t239, t240);
+            let A_beta_dot_Omega2_over_mu_rho2 = t239 + t240;
+            let t242 = Gamma2 * t9;
+            let t243 = Gamma1 * t8;
+            let t244 = t242 - t243;
+            let t245 = R::sum_error(t242, -t243) + (fma(Gamma2, t12, R::product_error(Gamma2, t9)) - fma(Gamma1, t11, R::product_error(Gamma1, t8)));
+            let t246 = t244 + t245;
+            let t247 = t222 * t246;
+            let t248 = fma(t246, t223, fma(t222, R::sum_error(t244, t245), R::product_error(t222, t246)));
+            let t249 = t4 * self.c6;
+            let t250 = t249 + Gamma3;
+            let t251 = R::sum_error(t249, Gamma3) + fma(self.c6, t7, fma(t4, self.c36, R::product_error(t4, self.c6)));
             let t252 = t250 + t251;
-            let t253 = t186 * self.c7;
-            let t254 = t253 + t252;
-            let t255 = R::sum_error(t253, t252) + (fma(self.c7, t187, fma(t186, self.c35, R::product_error(t186, self.c7))) + R::sum_error(t250, t251));
-            let A_Omega1_Omega1_over_mu_rho2 = t254 + t255;
-            let t256 = self.c5 * Gamma1;
-            let t257 = fma(Gamma1, self.c34, R::product_error(self.c5, Gamma1));
-            let t258 = t13 * self.c24;
-            let t259 = t258 + Gamma2;
-            let t260 = R::sum_error(t258, Gamma2) + fma(self.c24, t14, fma(t13, self.c37, R::product_error(t13, self.c24)));
-            let t261 = t259 + t260;
-            let t262 = t34 * t261;
-            let t263 = t262 + t141;
-            let t264 = R::sum_error(t262, t141) + (fma(t261, t35, fma(t34, R::sum_error(t259, t260), R::product_error(t34, t261))) + t142);
+            let t253 = self.c7 * Gamma3;
+            let t254 = fma(Gamma3, self.c37, R::product_error(self.c7, Gamma3));
+            let t255 = Gamma2 * Gamma2;
+            let t256 = t255 * self.c7;
+            let t257 = fma(self.c7, R::product_error(Gamma2, Gamma2), fma(t255, self.c37, R::product_error(t255, self.c7)));
+            let t258 = t256 + self.c8;
+            let t259 = R::sum_error(t256, self.c8) + t257;
+            let t260 = t258 + t259;
+            let t261 = t4 * t4;
+            let t262 = fma(t4, t7, fma(t4, t7, R::product_error(t4, t4)));
+            let t263 = t261 + t260;
+            let t264 = R::sum_error(t261, t260) + (t262 + R::sum_error(t258, t259));
             let t265 = t263 + t264;
-            let t266 = Gamma2 * t256;
-            let t267 = self.c25 * t265;
-            let t268 = t267 + t266;
-            let t269 = R::sum_error(t267, t266) + (fma(t265, self.c38, fma(self.c25, R::sum_error(t263, t264), R::product_error(self.c25, t265))) + fma(Gamma2, t257, R::product_error(Gamma2, t256)));
-            let A_Omega1_Omega2_over_mu_rho2 = -(t268 + t269);
-            let t270 = Gamma3 * t256;
-            let t271 = t270 + t180;
-            let t272 = R::sum_error(t270, t180) + (fma(Gamma3, t257, R::product_error(Gamma3, t256)) + t181);
-            let t273 = -(t271 + t272);
-            let t274 = Gamma1 * t200;
-            let t275 = t273 - t274;
-            let t276 = R::sum_error(t273, -t274) + (-R::sum_error(t271, t272) - fma(Gamma1, t201, R::product_error(Gamma1, t200)));
-            let A_Omega1_Omega3_over_mu_rho2 = t275 + t276;
-            let t277 = Gamma1 * t256;
-            let t278 = fma(Gamma1, t257, R::product_error(Gamma1, t256));
-            let t279 = t277 + self.c8;
-            let t280 = R::sum_error(t277, self.c8) + t278;
-            let t281 = t279 + t280;
-            let t282 = t239 + t281;
-            let t283 = R::sum_error(t239, t281) + (t240 + R::sum_error(t279, t280));
-            let t284 = t282 + t283;
-            let t285 = t248 + t284;
-            let t286 = R::sum_error(t248, t284) + (t249 + R::sum_error(t282, t283));
+            let t266 = t13 * t13;
+            let t267 = t266 + t265;
+            let t268 = R::sum_error(t266, t265) + (fma(t13, t14, fma(t13, t14, R::product_error(t13, t13))) + R::sum_error(t263, t264));
+            let t269 = t267 + t268;
+            let t270 = t252 * t253;
+            let t271 = fma(t253, R::sum_error(t250, t251), fma(t252, t254, R::product_error(t252, t253)));
+            let t272 = t270 + t269;
+            let t273 = R::sum_error(t270, t269) + (t271 + R::sum_error(t267, t268));
+            let t274 = t272 + t273;
+            let t275 = t208 * self.c9;
+            let t276 = t275 + t274;
+            let t277 = R::sum_error(t275, t274) + (fma(self.c9, t209, fma(t208, self.c38, R::product_error(t208, self.c9))) + R::sum_error(t272, t273));
+            let A_Omega1_Omega1_over_mu_rho2 = t276 + t277;
+            let t278 = self.c7 * Gamma1;
+            let t279 = fma(Gamma1, self.c37, R::product_error(self.c7, Gamma1));
+            let t280 = t13 * self.c26;
+            let t281 = t280 + Gamma2;
+            let t282 = R::sum_error(t280, Gamma2) + fma(self.c26, t14, fma(t13, self.c41, R::product_error(t13, self.c26)));
+            let t283 = t281 + t282;
+            let t284 = t34 * t283;
+            let t285 = t284 + t143;
+            let t286 = R::sum_error(t284, t143) + (fma(t283, t35, fma(t34, R::sum_error(t281, t282), R::product_error(t34, t283))) + t144);
             let t287 = t285 + t286;
-            let t288 = t34 * t34;
-            let t289 = t288 + t287;
-            let t290 = R::sum_error(t288, t287) + (fma(t34, t35, fma(t34, t35, R::product_error(t34, t34))) + R::sum_error(t285, t286));
-            let t291 = t289 + t290;
-            let t292 = t188 * self.c26;
-            let t293 = t292 + t291;
-            let t294 = R::sum_error(t292, t291) + (fma(self.c26, t189, fma(t188, self.c39, R::product_error(t188, self.c26))) + R::sum_error(t289, t290));
-            let A_Omega2_Omega2_over_mu_rho2 = t293 + t294;
-            let t295 = t231 + t200;
-            let t296 = R::sum_error(t231, t200) + (t232 + t201);
-            let t297 = t295 + t296;
-            let t298 = Gamma2 * t297;
-            let t299 = t298 + t182;
-            let t300 = R::sum_error(t298, t182) + (fma(Gamma2, R::sum_error(t295, t296), R::product_error(Gamma2, t297)) + t183);
-            let A_Omega2_Omega3_over_mu_rho2 = -(t299 + t300);
-            let t301 = t234 + self.c9;
-            let t302 = R::sum_error(t234, self.c9) + t235;
+            let t288 = Gamma2 * t278;
+            let t289 = self.c27 * t287;
+            let t290 = t289 + t288;
+            let t291 = R::sum_error(t289, t288) + (fma(t287, self.c42, fma(self.c27, R::sum_error(t285, t286), R::product_error(self.c27, t287))) + fma(Gamma2, t279, R::product_error(Gamma2, t278)));
+            let A_Omega1_Omega2_over_mu_rho2 = -(t290 + t291);
+            let t292 = Gamma3 * t278;
+            let t293 = t292 + t202;
+            let t294 = R::sum_error(t292, t202) + (fma(Gamma3, t279, R::product_error(Gamma3, t278)) + t203);
+            let t295 = -(t293 + t294);
+            let t296 = Gamma1 * t222;
+            let t297 = t295 - t296;
+            let t298 = R::sum_error(t295, -t296) + (-R::sum_error(t293, t294) - fma(Gamma1, t223, R::product_error(Gamma1, t222)));
+            let A_Omega1_Omega3_over_mu_rho2 = t297 + t298;
+            let t299 = Gamma1 * t278;
+            let t300 = fma(Gamma1, t279, R::product_error(Gamma1, t278));
+            let t301 = t299 + self.c10;
+            let t302 = R::sum_error(t299, self.c10) + t300;
             let t303 = t301 + t302;
-            let t304 = t277 + t303;
-            let t305 = R::sum_error(t277, t303) + (t278 + R::sum_error(t301, t302));
+            let t304 = t261 + t303;
+            let t305 = R::sum_error(t261, t303) + (t262 + R::sum_error(t301, t302));
             let t306 = t304 + t305;
-            let t307 = t306 + t184;
-            let t308 = R::sum_error(t306, t184) + (R::sum_error(t304, t305) + t185);
+            let t307 = t270 + t306;
+            let t308 = R::sum_error(t270, t306) + (t271 + R::sum_error(t304, t305));
             let t309 = t307 + t308;
-            let t310 = t193 * self.c27;
+            let t310 = t34 * t34;
             let t311 = t310 + t309;
-            let t312 = R::sum_error(t310, t309) + (fma(self.c27, t192, fma(t193, self.c40, R::product_error(t193, self.c27))) + R::sum_error(t307, t308));
-            let A_Omega3_Omega3_over_mu_rho2 = t311 + t312;
+            let t312 = R::sum_error(t310, t309) + (fma(t34, t35, fma(t34, t35, R::product_error(t34, t34))) + R::sum_error(t307, t308));
+            let t313 = t311 + t312;
+            let t314 = t210 * self.c28;
+            let t315 = t314 + t313;
+            let t316 = R::sum_error(t314, t313) + (fma(self.c28, t211, fma(t210, self.c43, R::product_error(t210, self.c28))) + R::sum_error(t311, t312));
+            let A_Omega2_Omega2_over_mu_rho2 = t315 + t316;
+            let t317 = t253 + t222;
+            let t318 = R::sum_error(t253, t222) + (t254 + t223);
+            let t319 = t317 + t318;
+            let t320 = Gamma2 * t319;
+            let t321 = t320 + t204;
+            let t322 = R::sum_error(t320, t204) + (fma(Gamma2, R::sum_error(t317, t318), R::product_error(Gamma2, t319)) + t205);
+            let A_Omega2_Omega3_over_mu_rho2 = -(t321 + t322);
+            let t323 = t256 + self.c11;
+            let t324 = R::sum_error(t256, self.c11) + t257;
+            let t325 = t323 + t324;
+            let t326 = t299 + t325;
+            let t327 = R::sum_error(t299, t325) + (t300 + R::sum_error(t323, t324));
+            let t328 = t326 + t327;
+            let t329 = t328 + t206;
+            let t330 = R::sum_error(t328, t206) + (R::sum_error(t326, t327) + t207);
+            let t331 = t329 + t330;
+            let t332 = t215 * self.c29;
+            let t333 = t332 + t331;
+            let t334 = R::sum_error(t332, t331) + (fma(self.c29, t214, fma(t215, self.c44, R::product_error(t215, self.c29))) + R::sum_error(t329, t330));
+            let A_Omega3_Omega3_over_mu_rho2 = t333 + t334;
             [
-                t180, t181, t182, t183, t184, t185, t197, A_alpha_dot_Omega3_over_mu_rho2, t211,
-                A_beta_dot_Omega1_over_mu_rho2, t219, A_beta_dot_Omega2_over_mu_rho2, t225, t226, t254, t255,
-                A_Omega1_Omega1_over_mu_rho2, t268, t269, A_Omega1_Omega2_over_mu_rho2, t275, t276,
-                A_Omega1_Omega3_over_mu_rho2, t293, t294, A_Omega2_Omega2_over_mu_rho2, t299, t300,
-                A_Omega2_Omega3_over_mu_rho2, t311, t312, A_Omega3_Omega3_over_mu_rho2,
+                t202, t203, t204, t205, t206, t207, t219, A_alpha_dot_Omega3_over_mu_rho2, t233,
+                A_beta_dot_Omega1_over_mu_rho2, t241, A_beta_dot_Omega2_over_mu_rho2, t247, t248, t276, t277,
+                A_Omega1_Omega1_over_mu_rho2, t290, t291, A_Omega1_Omega2_over_mu_rho2, t297, t298,
+                A_Omega1_Omega3_over_mu_rho2, t315, t316, A_Omega2_Omega2_over_mu_rho2, t321, t322,
+                A_Omega2_Omega3_over_mu_rho2, t333, t334, A_Omega3_Omega3_over_mu_rho2,
             ]
         };
         // right side f = W^T (r - L_yy lag)
         let [
-            t322, n_alpha_dot_over_mu_rho2, t350, n_beta_dot_over_mu_rho2, t378, t379, f_Omega1_over_mu_rho2, t398,
-            t399, f_Omega2_over_mu_rho2, t406, t407, f_Omega3_over_mu_rho2,
+            t344, n_alpha_dot_over_mu_rho2, t368, n_beta_dot_over_mu_rho2, t407, t408, f_Omega1_over_mu_rho2, t415,
+            t416, f_Omega2_over_mu_rho2, t422, t423, f_Omega3_over_mu_rho2,
         ] = {
-            let t313 = t13 * lag_X1_over_rho;
-            let t314 = t34 * lag_X2_over_rho;
-            let t315 = t313 - t314;
-            let t316 = fma(lag_X1_over_rho, t14, fma(t13, t164, R::product_error(t13, lag_X1_over_rho))) - fma(lag_X2_over_rho, t35, fma(t34, t169, R::product_error(t34, lag_X2_over_rho)));
-            let t317 = R::sum_error(t313, -t314) + t316;
-            let t318 = R::sum_error(t315, t317);
-            let t319 = t315 + t317;
-            let t320 = t319 + r_alpha_dot_over_mu_rho2;
-            let t321 = R::sum_error(t319, r_alpha_dot_over_mu_rho2) + (t318 + t155);
-            let t322 = R::sum_error(t320, t321);
-            let n_alpha_dot_over_mu_rho2 = t320 + t321;
-            let t323 = lag_X3_over_rho + a1_3_over_rho;
-            let t324 = R::sum_error(lag_X3_over_rho, a1_3_over_rho) + (R::sum_error(t172, t173) + R::sum_error(t125, t126));
-            let t325 = R::sum_error(t323, t324);
-            let t326 = t323 + t324;
-            let t327 = lag_X2_over_rho + a1_2_over_rho;
-            let t328 = R::sum_error(lag_X2_over_rho, a1_2_over_rho) + (t169 + t104);
-            let t329 = R::sum_error(t327, t328);
-            let t330 = t327 + t328;
-            let t331 = t4 * t330;
-            let t332 = fma(t330, t7, fma(t4, t329, R::product_error(t4, t330)));
-            let t333 = lag_X1_over_rho + a1_1_over_rho;
-            let t334 = R::sum_error(lag_X1_over_rho, a1_1_over_rho) + (t164 + t82);
-            let t335 = R::sum_error(t333, t334);
-            let t336 = t333 + t334;
-            let t337 = t4 * t336;
-            let t338 = fma(t336, t7, fma(t4, t335, R::product_error(t4, t336)));
-            let t339 = t3 * t326;
-            let t340 = t339 - t137;
-            let t341 = R::sum_error(t339, -t137) + (fma(t326, t6, fma(t3, t325, R::product_error(t3, t326))) - fma(self.c1, R::sum_error(t134, t135), R::product_error(self.c1, t136)));
-            let t342 = t340 + t341;
-            let t343 = t8 * t331;
-            let t344 = t342 - t343;
-            let t345 = R::sum_error(t342, -t343) + (R::sum_error(t340, t341) - fma(t331, t11, fma(t8, t332, R::product_error(t8, t331))));
-            let t346 = t344 + t345;
-            let t347 = t9 * t337;
-            let t348 = t346 - t347;
-            let t349 = R::sum_error(t346, -t347) + (R::sum_error(t344, t345) - fma(t337, t12, fma(t9, t338, R::product_error(t9, t337))));
-            let t350 = R::sum_error(t348, t349);
-            let n_beta_dot_over_mu_rho2 = t348 + t349;
-            let t351 = t319 + r_Omega3_over_mu_rho2;
-            let t352 = R::sum_error(t319, r_Omega3_over_mu_rho2) + (t318 + R::sum_error(t158, t159));
-            let n_Omega3_over_mu_rho2 = t351 + t352;
-            let t353 = self.c28 * Gamma3;
-            let t354 = fma(Gamma3, self.c41, R::product_error(self.c28, Gamma3));
-            let t355 = t326 * self.c0;
-            let t356 = t355 - t140;
-            let t357 = R::sum_error(t355, -t140) + (fma(self.c0, t325, fma(t326, self.c31, R::product_error(t326, self.c0))) - fma(self.c1, t7, R::product_error(self.c1, t4)));
-            let t358 = R::sum_error(t356, t357);
-            let t359 = t356 + t357;
-            let t360 = Gamma3 * self.c29;
-            let t361 = t360 + t326;
-            let t362 = R::sum_error(t360, t326) + (R::product_error(Gamma3, self.c29) + t325);
-            let t363 = t361 + t362;
-            let t364 = self.c10 * Omega3;
-            let t365 = Omega2 * t364;
-            let t366 = t365 + t331;
-            let t367 = R::sum_error(t365, t331) + (R::product_error(Omega2, t364) + t332);
-            let t368 = t366 + t367;
-            let t369 = t330 * t353;
-            let t370 = t369 + t368;
-            let t371 = R::sum_error(t369, t368) + (fma(t353, t329, fma(t330, t354, R::product_error(t330, t353))) + R::sum_error(t366, t367));
+            let t335 = t13 * lag_X1_over_rho;
+            let t336 = t34 * lag_X2_over_rho;
+            let t337 = t335 - t336;
+            let t338 = fma(lag_X1_over_rho, t14, fma(t13, t182, R::product_error(t13, lag_X1_over_rho))) - fma(lag_X2_over_rho, t35, fma(t34, t190, R::product_error(t34, lag_X2_over_rho)));
+            let t339 = R::sum_error(t335, -t336) + t338;
+            let t340 = R::sum_error(t337, t339);
+            let t341 = t337 + t339;
+            let t342 = t341 + r_alpha_dot_over_mu_rho2;
+            let t343 = R::sum_error(t341, r_alpha_dot_over_mu_rho2) + (t340 + t157);
+            let t344 = R::sum_error(t342, t343);
+            let n_alpha_dot_over_mu_rho2 = t342 + t343;
+            let t345 = lag_X3_over_rho + a1_3_over_rho;
+            let t346 = R::sum_error(lag_X3_over_rho, a1_3_over_rho) + (t195 + t127);
+            let t347 = R::sum_error(t345, t346);
+            let t348 = t345 + t346;
+            let t349 = lag_X2_over_rho + a1_2_over_rho;
+            let t350 = R::sum_error(lag_X2_over_rho, a1_2_over_rho) + (t190 + t104);
+            let t351 = R::sum_error(t349, t350);
+            let t352 = t349 + t350;
+            let t353 = lag_X1_over_rho + a1_1_over_rho;
+            let t354 = R::sum_error(lag_X1_over_rho, a1_1_over_rho) + (t182 + t82);
+            let t355 = t353 + t354;
+            let t356 = t8 * t352;
+            let t357 = t9 * t355;
+            let t358 = t357 + t356;
+            let t359 = R::sum_error(t357, t356) + (fma(t355, t12, fma(t9, R::sum_error(t353, t354), R::product_error(t9, t355))) + fma(t352, t11, fma(t8, t351, R::product_error(t8, t352))));
+            let t360 = t358 + t359;
+            let t361 = t3 * t348;
+            let t362 = t361 - t138;
+            let t363 = R::sum_error(t361, -t138) + (fma(t348, t6, fma(t3, t347, R::product_error(t3, t348))) - fma(self.c1, R::sum_error(t135, t136), R::product_error(self.c1, t137)));
+            let t364 = t362 + t363;
+            let t365 = t4 * t360;
+            let t366 = t364 - t365;
+            let t367 = R::sum_error(t364, -t365) + (R::sum_error(t362, t363) - fma(t360, t7, fma(t4, R::sum_error(t358, t359), R::product_error(t4, t360))));
+            let t368 = R::sum_error(t366, t367);
+            let n_beta_dot_over_mu_rho2 = t366 + t367;
+            let t369 = t4 * lag_X1_over_rho;
+            let t370 = r_Omega2_over_mu_rho2 - t369;
+            let t371 = R::sum_error(r_Omega2_over_mu_rho2, -t369) + (R::sum_error(t172, t173) - fma(lag_X1_over_rho, t7, fma(t4, t182, R::product_error(t4, lag_X1_over_rho))));
             let t372 = t370 + t371;
-            let t373 = Gamma2 * t359;
-            let t374 = t372 - t373;
-            let t375 = R::sum_error(t372, -t373) + (R::sum_error(t370, t371) - fma(Gamma2, t358, R::product_error(Gamma2, t359)));
-            let t376 = t374 + t375;
-            let t377 = t13 * t363;
-            let t378 = t376 - t377;
-            let t379 = R::sum_error(t376, -t377) + (R::sum_error(t374, t375) - fma(t363, t14, fma(t13, R::sum_error(t361, t362), R::product_error(t13, t363))));
-            let f_Omega1_over_mu_rho2 = t378 + t379;
-            let t380 = self.c11 * Omega3;
-            let t381 = Omega1 * t380;
-            let t382 = t381 - t337;
-            let t383 = R::sum_error(t381, -t337) + (R::product_error(Omega1, t380) - t338);
-            let t384 = t382 + t383;
-            let t385 = Gamma3 * t138;
-            let t386 = t385 + t384;
-            let t387 = R::sum_error(t385, t384) + (fma(Gamma3, t139, R::product_error(Gamma3, t138)) + R::sum_error(t382, t383));
-            let t388 = t386 + t387;
-            let t389 = t34 * t326;
-            let t390 = t389 + t388;
-            let t391 = R::sum_error(t389, t388) + (fma(t326, t35, fma(t34, t325, R::product_error(t34, t326))) + R::sum_error(t386, t387));
+            let t373 = t34 * lag_X3_over_rho;
+            let t374 = t373 + t372;
+            let t375 = R::sum_error(t373, t372) + (fma(lag_X3_over_rho, t35, fma(t34, t195, R::product_error(t34, lag_X3_over_rho))) + R::sum_error(t370, t371));
+            let n_Omega2_over_mu_rho2 = t374 + t375;
+            let t376 = t341 + r_Omega3_over_mu_rho2;
+            let t377 = R::sum_error(t341, r_Omega3_over_mu_rho2) + (t340 + R::sum_error(t176, t177));
+            let n_Omega3_over_mu_rho2 = t376 + t377;
+            let t378 = lag_X1_over_rho * self.c12;
+            let t379 = t378 + r_X1_over_mu_rho;
+            let t380 = R::sum_error(t378, r_X1_over_mu_rho) + (fma(self.c12, t182, fma(lag_X1_over_rho, self.c39, R::product_error(lag_X1_over_rho, self.c12))) + R::sum_error(t184, t185));
+            let t381 = R::sum_error(t379, t380);
+            let n_X1_over_mu_rho = t379 + t380;
+            let t382 = self.c30 * t352;
+            let t383 = fma(t352, self.c45, fma(self.c30, t351, R::product_error(self.c30, t352)));
+            let t384 = t13 * self.c31;
+            let t385 = t384 - t382;
+            let t386 = R::sum_error(t384, -t382) + (fma(self.c31, t14, R::product_error(t13, self.c31)) - t383);
+            let t387 = t385 + t386;
+            let t388 = self.c0 * Gamma2;
+            let t389 = fma(Gamma2, self.c33, R::product_error(self.c0, Gamma2));
+            let t390 = t388 + t13;
+            let t391 = R::sum_error(t388, t13) + (t389 + t14);
             let t392 = t390 + t391;
-            let t393 = t336 * t353;
-            let t394 = t392 - t393;
-            let t395 = R::sum_error(t392, -t393) + (R::sum_error(t390, t391) - fma(t353, t335, fma(t336, t354, R::product_error(t336, t353))));
-            let t396 = t394 + t395;
-            let t397 = Gamma1 * t359;
-            let t398 = t397 + t396;
-            let t399 = R::sum_error(t397, t396) + (fma(Gamma1, t358, R::product_error(Gamma1, t359)) + R::sum_error(t394, t395));
-            let f_Omega2_over_mu_rho2 = t398 + t399;
-            let t400 = Gamma1 * t330;
-            let t401 = Gamma2 * t336;
-            let t402 = t400 - t401;
-            let t403 = R::sum_error(t400, -t401) + (fma(Gamma1, t329, R::product_error(Gamma1, t330)) - fma(Gamma2, t335, R::product_error(Gamma2, t336)));
-            let t404 = t402 + t403;
-            let t405 = self.c30 * t404;
-            let t406 = n_Omega3_over_mu_rho2 - t405;
-            let t407 = R::sum_error(n_Omega3_over_mu_rho2, -t405) + (R::sum_error(t351, t352) - fma(t404, self.c42, fma(self.c30, R::sum_error(t402, t403), R::product_error(self.c30, t404))));
-            let f_Omega3_over_mu_rho2 = t406 + t407;
+            let t393 = self.c13 * Omega3 * Omega2;
+            let t394 = Gamma2 * t141;
+            let t395 = t394 + t393;
+            let t396 = R::sum_error(t394, t393) + fma(Gamma2, t142, R::product_error(Gamma2, t141));
+            let t397 = t395 + t396;
+            let t398 = t4 * t352;
+            let t399 = t398 + t397;
+            let t400 = R::sum_error(t398, t397) + (fma(t352, t7, fma(t4, t351, R::product_error(t4, t352))) + R::sum_error(t395, t396));
+            let t401 = t399 + t400;
+            let t402 = t348 * t392;
+            let t403 = t401 - t402;
+            let t404 = R::sum_error(t401, -t402) + (R::sum_error(t399, t400) - fma(t392, t347, fma(t348, R::sum_error(t390, t391), R::product_error(t348, t392))));
+            let t405 = t403 + t404;
+            let t406 = Gamma3 * t387;
+            let t407 = t405 - t406;
+            let t408 = R::sum_error(t405, -t406) + (R::sum_error(t403, t404) - fma(Gamma3, R::sum_error(t385, t386), R::product_error(Gamma3, t387)));
+            let f_Omega1_over_mu_rho2 = t407 + t408;
+            let t409 = Gamma1 * t348;
+            let t410 = Gamma3 * n_X1_over_mu_rho;
+            let t411 = t410 + t409;
+            let t412 = R::sum_error(t410, t409) + (fma(Gamma3, t381, R::product_error(Gamma3, n_X1_over_mu_rho)) + fma(Gamma1, t347, R::product_error(Gamma1, t348)));
+            let t413 = t411 + t412;
+            let t414 = self.c32 * t413;
+            let t415 = t414 + n_Omega2_over_mu_rho2;
+            let t416 = R::sum_error(t414, n_Omega2_over_mu_rho2) + (fma(t413, self.c46, fma(self.c32, R::sum_error(t411, t412), R::product_error(self.c32, t413))) + R::sum_error(t374, t375));
+            let f_Omega2_over_mu_rho2 = t415 + t416;
+            let t417 = Gamma1 * t382;
+            let t418 = n_Omega3_over_mu_rho2 - t417;
+            let t419 = R::sum_error(n_Omega3_over_mu_rho2, -t417) + (R::sum_error(t376, t377) - fma(Gamma1, t383, R::product_error(Gamma1, t382)));
+            let t420 = t418 + t419;
+            let t421 = n_X1_over_mu_rho * t388;
+            let t422 = t420 - t421;
+            let t423 = R::sum_error(t420, -t421) + (R::sum_error(t418, t419) - fma(t388, t381, fma(n_X1_over_mu_rho, t389, R::product_error(n_X1_over_mu_rho, t388))));
+            let f_Omega3_over_mu_rho2 = t422 + t423;
             [
-                t322, n_alpha_dot_over_mu_rho2, t350, n_beta_dot_over_mu_rho2, t378, t379, f_Omega1_over_mu_rho2, t398,
-                t399, f_Omega2_over_mu_rho2, t406, t407, f_Omega3_over_mu_rho2,
+                t344, n_alpha_dot_over_mu_rho2, t368, n_beta_dot_over_mu_rho2, t407, t408, f_Omega1_over_mu_rho2, t415,
+                t416, f_Omega2_over_mu_rho2, t422, t423, f_Omega3_over_mu_rho2,
             ]
         };
         // factors of A
         let [
-            t429, t431, t432, t433, t434, A_l5_1, t435, t456, t457, A_l4_3, t458, A_l5_3, t459, t470, t471, A_l5_4,
-            t472, t474, t475, A_s4_5_5_over_mu_rho2,
+            t445, t447, t448, t449, t450, A_l5_1, t451, t472, t473, A_l4_3, t474, A_l5_3, t475, t486, t487, A_l5_4,
+            t488, t490, t491, A_s4_5_5_over_mu_rho2,
         ] = {
-            let t408 = A_beta_dot_Omega1_over_mu_rho2 * A_beta_dot_Omega1_over_mu_rho2;
-            let t409 = fma(A_beta_dot_Omega1_over_mu_rho2, t211, fma(A_beta_dot_Omega1_over_mu_rho2, t211, R::product_error(A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega1_over_mu_rho2)));
-            let t410 = A_Omega1_Omega1_over_mu_rho2 - t408;
-            let t411 = R::sum_error(A_Omega1_Omega1_over_mu_rho2, -t408) + (R::sum_error(t254, t255) - t409);
-            let A_s2_3_3_over_mu_rho2 = t410 + t411;
-            let t412 = A_beta_dot_Omega1_over_mu_rho2 * A_beta_dot_Omega2_over_mu_rho2;
-            let t413 = fma(A_beta_dot_Omega2_over_mu_rho2, t211, fma(A_beta_dot_Omega1_over_mu_rho2, t219, R::product_error(A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2)));
-            let t414 = A_Omega1_Omega2_over_mu_rho2 - t412;
-            let t415 = R::sum_error(A_Omega1_Omega2_over_mu_rho2, -t412) + (-R::sum_error(t268, t269) - t413);
-            let A_s2_3_4_over_mu_rho2 = t414 + t415;
-            let t416 = A_beta_dot_Omega1_over_mu_rho2 * t225;
-            let t417 = t416 + A_Omega1_Omega3_over_mu_rho2;
-            let t418 = R::sum_error(t416, A_Omega1_Omega3_over_mu_rho2) + (fma(t225, t211, fma(A_beta_dot_Omega1_over_mu_rho2, t226, R::product_error(A_beta_dot_Omega1_over_mu_rho2, t225))) + R::sum_error(t275, t276));
-            let A_s2_3_5_over_mu_rho2 = t417 + t418;
-            let t419 = A_beta_dot_Omega2_over_mu_rho2 * A_beta_dot_Omega2_over_mu_rho2;
-            let t420 = fma(A_beta_dot_Omega2_over_mu_rho2, t219, fma(A_beta_dot_Omega2_over_mu_rho2, t219, R::product_error(A_beta_dot_Omega2_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2)));
-            let t421 = A_Omega2_Omega2_over_mu_rho2 - t419;
-            let t422 = R::sum_error(A_Omega2_Omega2_over_mu_rho2, -t419) + (R::sum_error(t293, t294) - t420);
-            let A_s2_4_4_over_mu_rho2 = t421 + t422;
-            let t423 = A_beta_dot_Omega2_over_mu_rho2 * t225;
-            let t424 = t423 + A_Omega2_Omega3_over_mu_rho2;
-            let t425 = R::sum_error(t423, A_Omega2_Omega3_over_mu_rho2) + (fma(t225, t219, fma(A_beta_dot_Omega2_over_mu_rho2, t226, R::product_error(A_beta_dot_Omega2_over_mu_rho2, t225))) + -R::sum_error(t299, t300));
-            let A_s2_4_5_over_mu_rho2 = t424 + t425;
-            let t426 = t225 * t225;
-            let t427 = A_Omega3_Omega3_over_mu_rho2 - t426;
-            let t428 = R::sum_error(A_Omega3_Omega3_over_mu_rho2, -t426) + (R::sum_error(t311, t312) - fma(t225, t226, fma(t225, t226, R::product_error(t225, t225))));
-            let A_s2_5_5_over_mu_rho2 = t427 + t428;
-            let t429 = t184.recip();
-            let t430 = fma(-t429, t185, R::ONE - t429 * t184 - R::product_error(t429, t184)) / t184;
-            let t431 = t180 * t429;
-            let t432 = fma(t429, t181, fma(t180, t430, R::product_error(t180, t429)));
-            let t433 = t182 * t429;
-            let t434 = fma(t429, t183, fma(t182, t430, R::product_error(t182, t429)));
-            let A_l5_1 = A_alpha_dot_Omega3_over_mu_rho2 * t429;
-            let t435 = fma(t429, t197, fma(A_alpha_dot_Omega3_over_mu_rho2, t430, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, t429)));
-            let t436 = t180 * t431;
-            let t437 = A_s2_3_3_over_mu_rho2 - t436;
-            let t438 = R::sum_error(A_s2_3_3_over_mu_rho2, -t436) + (R::sum_error(t410, t411) - fma(t431, t181, fma(t180, t432, R::product_error(t180, t431))));
-            let A_s1_3_3_over_mu_rho2 = t437 + t438;
-            let t439 = t182 * t431;
-            let t440 = A_s2_3_4_over_mu_rho2 - t439;
-            let t441 = R::sum_error(A_s2_3_4_over_mu_rho2, -t439) + (R::sum_error(t414, t415) - fma(t431, t183, fma(t182, t432, R::product_error(t182, t431))));
-            let t442 = R::sum_error(t440, t441);
-            let A_s1_3_4_over_mu_rho2 = t440 + t441;
-            let t443 = A_alpha_dot_Omega3_over_mu_rho2 * t431;
-            let t444 = t443 + A_s2_3_5_over_mu_rho2;
-            let t445 = R::sum_error(t443, A_s2_3_5_over_mu_rho2) + (fma(t431, t197, fma(A_alpha_dot_Omega3_over_mu_rho2, t432, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, t431))) + R::sum_error(t417, t418));
-            let t446 = R::sum_error(t444, t445);
-            let A_s1_3_5_over_mu_rho2 = t444 + t445;
-            let t447 = t182 * t433;
-            let t448 = A_s2_4_4_over_mu_rho2 - t447;
-            let t449 = R::sum_error(A_s2_4_4_over_mu_rho2, -t447) + (R::sum_error(t421, t422) - fma(t433, t183, fma(t182, t434, R::product_error(t182, t433))));
-            let A_s1_4_4_over_mu_rho2 = t448 + t449;
-            let t450 = A_alpha_dot_Omega3_over_mu_rho2 * t433;
-            let t451 = t450 + A_s2_4_5_over_mu_rho2;
-            let t452 = R::sum_error(t450, A_s2_4_5_over_mu_rho2) + (fma(t433, t197, fma(A_alpha_dot_Omega3_over_mu_rho2, t434, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, t433))) + R::sum_error(t424, t425));
-            let A_s1_4_5_over_mu_rho2 = t451 + t452;
-            let t453 = A_alpha_dot_Omega3_over_mu_rho2 * A_l5_1;
-            let t454 = A_s2_5_5_over_mu_rho2 - t453;
-            let t455 = R::sum_error(A_s2_5_5_over_mu_rho2, -t453) + (R::sum_error(t427, t428) - fma(A_l5_1, t197, fma(A_alpha_dot_Omega3_over_mu_rho2, t435, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, A_l5_1))));
-            let A_s1_5_5_over_mu_rho2 = t454 + t455;
-            let t456 = A_s1_3_3_over_mu_rho2.recip();
-            let t457 = fma(-t456, R::sum_error(t437, t438), R::ONE - t456 * A_s1_3_3_over_mu_rho2 - R::product_error(t456, A_s1_3_3_over_mu_rho2)) / A_s1_3_3_over_mu_rho2;
-            let A_l4_3 = A_s1_3_4_over_mu_rho2 * t456;
-            let t458 = fma(t456, t442, fma(A_s1_3_4_over_mu_rho2, t457, R::product_error(A_s1_3_4_over_mu_rho2, t456)));
-            let A_l5_3 = A_s1_3_5_over_mu_rho2 * t456;
-            let t459 = fma(t456, t446, fma(A_s1_3_5_over_mu_rho2, t457, R::product_error(A_s1_3_5_over_mu_rho2, t456)));
-            let t460 = A_s1_3_4_over_mu_rho2 * A_l4_3;
-            let t461 = A_s1_4_4_over_mu_rho2 - t460;
-            let t462 = R::sum_error(A_s1_4_4_over_mu_rho2, -t460) + (R::sum_error(t448, t449) - fma(A_l4_3, t442, fma(A_s1_3_4_over_mu_rho2, t458, R::product_error(A_s1_3_4_over_mu_rho2, A_l4_3))));
-            let A_s3_4_4_over_mu_rho2 = t461 + t462;
-            let t463 = A_s1_3_5_over_mu_rho2 * A_l4_3;
-            let t464 = A_s1_4_5_over_mu_rho2 - t463;
-            let t465 = R::sum_error(A_s1_4_5_over_mu_rho2, -t463) + (R::sum_error(t451, t452) - fma(A_l4_3, t446, fma(A_s1_3_5_over_mu_rho2, t458, R::product_error(A_s1_3_5_over_mu_rho2, A_l4_3))));
-            let t466 = R::sum_error(t464, t465);
-            let A_s3_4_5_over_mu_rho2 = t464 + t465;
-            let t467 = A_s1_3_5_over_mu_rho2 * A_l5_3;
-            let t468 = A_s1_5_5_over_mu_rho2 - t467;
-            let t469 = R::sum_error(A_s1_5_5_over_mu_rho2, -t467) + (R::sum_error(t454, t455) - fma(A_l5_3, t446, fma(A_s1_3_5_over_mu_rho2, t459, R::product_error(A_s1_3_5_over_mu_rho2, A_l5_3))));
-            let A_s3_5_5_over_mu_rho2 = t468 + t469;
-            let t470 = A_s3_4_4_over_mu_rho2.recip();
-            let t471 = fma(-t470, R::sum_error(t461, t462), R::ONE - t470 * A_s3_4_4_over_mu_rho2 - R::product_error(t470, A_s3_4_4_over_mu_rho2)) / A_s3_4_4_over_mu_rho2;
-            let A_l5_4 = A_s3_4_5_over_mu_rho2 * t470;
-            let t472 = fma(t470, t466, fma(A_s3_4_5_over_mu_rho2, t471, R::product_error(A_s3_4_5_over_mu_rho2, t470)));
-            let t473 = A_s3_4_5_over_mu_rho2 * A_l5_4;
-            let t474 = A_s3_5_5_over_mu_rho2 - t473;
-            let t475 = R::sum_error(A_s3_5_5_over_mu_rho2, -t473) + (R::sum_error(t468, t469) - fma(A_l5_4, t466, fma(A_s3_4_5_over_mu_rho2, t472, R::product_error(A_s3_4_5_over_mu_rho2, A_l5_4))));
-            let A_s4_5_5_over_mu_rho2 = t474 + t475;
+            let t424 = A_beta_dot_Omega1_over_mu_rho2 * A_beta_dot_Omega1_over_mu_rho2;
+            let t425 = fma(A_beta_dot_Omega1_over_mu_rho2, t233, fma(A_beta_dot_Omega1_over_mu_rho2, t233, R::product_error(A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega1_over_mu_rho2)));
+            let t426 = A_Omega1_Omega1_over_mu_rho2 - t424;
+            let t427 = R::sum_error(A_Omega1_Omega1_over_mu_rho2, -t424) + (R::sum_error(t276, t277) - t425);
+            let A_s2_3_3_over_mu_rho2 = t426 + t427;
+            let t428 = A_beta_dot_Omega1_over_mu_rho2 * A_beta_dot_Omega2_over_mu_rho2;
+            let t429 = fma(A_beta_dot_Omega2_over_mu_rho2, t233, fma(A_beta_dot_Omega1_over_mu_rho2, t241, R::product_error(A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2)));
+            let t430 = A_Omega1_Omega2_over_mu_rho2 - t428;
+            let t431 = R::sum_error(A_Omega1_Omega2_over_mu_rho2, -t428) + (-R::sum_error(t290, t291) - t429);
+            let A_s2_3_4_over_mu_rho2 = t430 + t431;
+            let t432 = A_beta_dot_Omega1_over_mu_rho2 * t247;
+            let t433 = t432 + A_Omega1_Omega3_over_mu_rho2;
+            let t434 = R::sum_error(t432, A_Omega1_Omega3_over_mu_rho2) + (fma(t247, t233, fma(A_beta_dot_Omega1_over_mu_rho2, t248, R::product_error(A_beta_dot_Omega1_over_mu_rho2, t247))) + R::sum_error(t297, t298));
+            let A_s2_3_5_over_mu_rho2 = t433 + t434;
+            let t435 = A_beta_dot_Omega2_over_mu_rho2 * A_beta_dot_Omega2_over_mu_rho2;
+            let t436 = fma(A_beta_dot_Omega2_over_mu_rho2, t241, fma(A_beta_dot_Omega2_over_mu_rho2, t241, R::product_error(A_beta_dot_Omega2_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2)));
+            let t437 = A_Omega2_Omega2_over_mu_rho2 - t435;
+            let t438 = R::sum_error(A_Omega2_Omega2_over_mu_rho2, -t435) + (R::sum_error(t315, t316) - t436);
+            let A_s2_4_4_over_mu_rho2 = t437 + t438;
+            let t439 = A_beta_dot_Omega2_over_mu_rho2 * t247;
+            let t440 = t439 + A_Omega2_Omega3_over_mu_rho2;
+            let t441 = R::sum_error(t439, A_Omega2_Omega3_over_mu_rho2) + (fma(t247, t241, fma(A_beta_dot_Omega2_over_mu_rho2, t248, R::product_error(A_beta_dot_Omega2_over_mu_rho2, t247))) + -R::sum_error(t321, t322));
+            let A_s2_4_5_over_mu_rho2 = t440 + t441;
+            let t442 = t247 * t247;
+            let t443 = A_Omega3_Omega3_over_mu_rho2 - t442;
+            let t444 = R::sum_error(A_Omega3_Omega3_over_mu_rho2, -t442) + (R::sum_error(t333, t334) - fma(t247, t248, fma(t247, t248, R::product_error(t247, t247))));
+            let A_s2_5_5_over_mu_rho2 = t443 + t444;
+            let t445 = t206.recip();
+            let t446 = fma(-t445, t207, R::ONE - t445 * t206 - R::product_error(t445, t206)) / t206;
+            let t447 = t202 * t445;
+            let t448 = fma(t445, t203, fma(t202, t446, R::product_error(t202, t445)));
+            let t449 = t204 * t445;
+            let t450 = fma(t445, t205, fma(t204, t446, R::product_error(t204, t445)));
+            let A_l5_1 = A_alpha_dot_Omega3_over_mu_rho2 * t445;
+            let t451 = fma(t445, t219, fma(A_alpha_dot_Omega3_over_mu_rho2, t446, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, t445)));
+            let t452 = t202 * t447;
+            let t453 = A_s2_3_3_over_mu_rho2 - t452;
+            let t454 = R::sum_error(A_s2_3_3_over_mu_rho2, -t452) + (R::sum_error(t426, t427) - fma(t447, t203, fma(t202, t448, R::product_error(t202, t447))));
+            let A_s1_3_3_over_mu_rho2 = t453 + t454;
+            let t455 = t204 * t447;
+            let t456 = A_s2_3_4_over_mu_rho2 - t455;
+            let t457 = R::sum_error(A_s2_3_4_over_mu_rho2, -t455) + (R::sum_error(t430, t431) - fma(t447, t205, fma(t204, t448, R::product_error(t204, t447))));
+            let t458 = R::sum_error(t456, t457);
+            let A_s1_3_4_over_mu_rho2 = t456 + t457;
+            let t459 = A_alpha_dot_Omega3_over_mu_rho2 * t447;
+            let t460 = t459 + A_s2_3_5_over_mu_rho2;
+            let t461 = R::sum_error(t459, A_s2_3_5_over_mu_rho2) + (fma(t447, t219, fma(A_alpha_dot_Omega3_over_mu_rho2, t448, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, t447))) + R::sum_error(t433, t434));
+            let t462 = R::sum_error(t460, t461);
+            let A_s1_3_5_over_mu_rho2 = t460 + t461;
+            let t463 = t204 * t449;
+            let t464 = A_s2_4_4_over_mu_rho2 - t463;
+            let t465 = R::sum_error(A_s2_4_4_over_mu_rho2, -t463) + (R::sum_error(t437, t438) - fma(t449, t205, fma(t204, t450, R::product_error(t204, t449))));
+            let A_s1_4_4_over_mu_rho2 = t464 + t465;
+            let t466 = A_alpha_dot_Omega3_over_mu_rho2 * t449;
+            let t467 = t466 + A_s2_4_5_over_mu_rho2;
+            let t468 = R::sum_error(t466, A_s2_4_5_over_mu_rho2) + (fma(t449, t219, fma(A_alpha_dot_Omega3_over_mu_rho2, t450, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, t449))) + R::sum_error(t440, t441));
+            let A_s1_4_5_over_mu_rho2 = t467 + t468;
+            let t469 = A_alpha_dot_Omega3_over_mu_rho2 * A_l5_1;
+            let t470 = A_s2_5_5_over_mu_rho2 - t469;
+            let t471 = R::sum_error(A_s2_5_5_over_mu_rho2, -t469) + (R::sum_error(t443, t444) - fma(A_l5_1, t219, fma(A_alpha_dot_Omega3_over_mu_rho2, t451, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, A_l5_1))));
+            let A_s1_5_5_over_mu_rho2 = t470 + t471;
+            let t472 = A_s1_3_3_over_mu_rho2.recip();
+            let t473 = fma(-t472, R::sum_error(t453, t454), R::ONE - t472 * A_s1_3_3_over_mu_rho2 - R::product_error(t472, A_s1_3_3_over_mu_rho2)) / A_s1_3_3_over_mu_rho2;
+            let A_l4_3 = A_s1_3_4_over_mu_rho2 * t472;
+            let t474 = fma(t472, t458, fma(A_s1_3_4_over_mu_rho2, t473, R::product_error(A_s1_3_4_over_mu_rho2, t472)));
+            let A_l5_3 = A_s1_3_5_over_mu_rho2 * t472;
+            let t475 = fma(t472, t462, fma(A_s1_3_5_over_mu_rho2, t473, R::product_error(A_s1_3_5_over_mu_rho2, t472)));
+            let t476 = A_s1_3_4_over_mu_rho2 * A_l4_3;
+            let t477 = A_s1_4_4_over_mu_rho2 - t476;
+            let t478 = R::sum_error(A_s1_4_4_over_mu_rho2, -t476) + (R::sum_error(t464, t465) - fma(A_l4_3, t458, fma(A_s1_3_4_over_mu_rho2, t474, R::product_error(A_s1_3_4_over_mu_rho2, A_l4_3))));
+            let A_s3_4_4_over_mu_rho2 = t477 + t478;
+            let t479 = A_s1_3_5_over_mu_rho2 * A_l4_3;
+            let t480 = A_s1_4_5_over_mu_rho2 - t479;
+            let t481 = R::sum_error(A_s1_4_5_over_mu_rho2, -t479) + (R::sum_error(t467, t468) - fma(A_l4_3, t462, fma(A_s1_3_5_over_mu_rho2, t474, R::product_error(A_s1_3_5_over_mu_rho2, A_l4_3))));
+            let t482 = R::sum_error(t480, t481);
+            let A_s3_4_5_over_mu_rho2 = t480 + t481;
+            let t483 = A_s1_3_5_over_mu_rho2 * A_l5_3;
+            let t484 = A_s1_5_5_over_mu_rho2 - t483;
+            let t485 = R::sum_error(A_s1_5_5_over_mu_rho2, -t483) + (R::sum_error(t470, t471) - fma(A_l5_3, t462, fma(A_s1_3_5_over_mu_rho2, t475, R::product_error(A_s1_3_5_over_mu_rho2, A_l5_3))));
+            let A_s3_5_5_over_mu_rho2 = t484 + t485;
+            let t486 = A_s3_4_4_over_mu_rho2.recip();
+            let t487 = fma(-t486, R::sum_error(t477, t478), R::ONE - t486 * A_s3_4_4_over_mu_rho2 - R::product_error(t486, A_s3_4_4_over_mu_rho2)) / A_s3_4_4_over_mu_rho2;
+            let A_l5_4 = A_s3_4_5_over_mu_rho2 * t486;
+            let t488 = fma(t486, t482, fma(A_s3_4_5_over_mu_rho2, t487, R::product_error(A_s3_4_5_over_mu_rho2, t486)));
+            let t489 = A_s3_4_5_over_mu_rho2 * A_l5_4;
+            let t490 = A_s3_5_5_over_mu_rho2 - t489;
+            let t491 = R::sum_error(A_s3_5_5_over_mu_rho2, -t489) + (R::sum_error(t484, t485) - fma(A_l5_4, t482, fma(A_s3_4_5_over_mu_rho2, t488, R::product_error(A_s3_4_5_over_mu_rho2, A_l5_4))));
+            let A_s4_5_5_over_mu_rho2 = t490 + t491;
             [
-                t429, t431, t432, t433, t434, A_l5_1, t435, t456, t457, A_l4_3, t458, A_l5_3, t459, t470, t471, A_l5_4,
-                t472, t474, t475, A_s4_5_5_over_mu_rho2,
+                t445, t447, t448, t449, t450, A_l5_1, t451, t472, t473, A_l4_3, t474, A_l5_3, t475, t486, t487, A_l5_4,
+                t488, t490, t491, A_s4_5_5_over_mu_rho2,
             ]
         };
         // substitution through the factors of A
         let [dot_alpha_dot_2, dot_beta_dot_2, dot_Omega1_2, dot_Omega2_2, dot_Omega3_2] = {
-            let t476 = n_alpha_dot_over_mu_rho2 * t431;
-            let t477 = t476 + f_Omega1_over_mu_rho2;
-            let t478 = R::sum_error(t476, f_Omega1_over_mu_rho2) + (fma(t431, t322, fma(n_alpha_dot_over_mu_rho2, t432, R::product_error(n_alpha_dot_over_mu_rho2, t431))) + R::sum_error(t378, t379));
-            let t479 = t477 + t478;
-            let t480 = A_beta_dot_Omega1_over_mu_rho2 * n_beta_dot_over_mu_rho2;
-            let t481 = t479 - t480;
-            let t482 = R::sum_error(t477, t478) - fma(n_beta_dot_over_mu_rho2, t211, fma(A_beta_dot_Omega1_over_mu_rho2, t350, R::product_error(A_beta_dot_Omega1_over_mu_rho2, n_beta_dot_over_mu_rho2)));
-            let t483 = R::sum_error(t479, -t480) + t482;
-            let t484 = R::sum_error(t481, t483);
-            let z_Omega1_over_mu_rho2 = t481 + t483;
-            let t485 = n_alpha_dot_over_mu_rho2 * t433;
-            let t486 = t485 + f_Omega2_over_mu_rho2;
-            let t487 = R::sum_error(t485, f_Omega2_over_mu_rho2) + (fma(t433, t322, fma(n_alpha_dot_over_mu_rho2, t434, R::product_error(n_alpha_dot_over_mu_rho2, t433))) + R::sum_error(t398, t399));
-            let t488 = t486 + t487;
-            let t489 = A_beta_dot_Omega2_over_mu_rho2 * n_beta_dot_over_mu_rho2;
-            let t490 = t488 - t489;
-            let t491 = R::sum_error(t486, t487) - fma(n_beta_dot_over_mu_rho2, t219, fma(A_beta_dot_Omega2_over_mu_rho2, t350, R::product_error(A_beta_dot_Omega2_over_mu_rho2, n_beta_dot_over_mu_rho2)));
-            let t492 = R::sum_error(t488, -t489) + t491;
-            let t493 = t490 + t492;
-            let t494 = A_l4_3 * z_Omega1_over_mu_rho2;
-            let t495 = t493 - t494;
-            let t496 = R::sum_error(t493, -t494) + (R::sum_error(t490, t492) - fma(z_Omega1_over_mu_rho2, t458, fma(A_l4_3, t484, R::product_error(A_l4_3, z_Omega1_over_mu_rho2))));
-            let t497 = R::sum_error(t495, t496);
-            let z_Omega2_over_mu_rho2 = t495 + t496;
-            let t498 = n_alpha_dot_over_mu_rho2 * A_l5_1;
-            let t499 = f_Omega3_over_mu_rho2 - t498;
-            let t500 = R::sum_error(f_Omega3_over_mu_rho2, -t498) + (R::sum_error(t406, t407) - fma(A_l5_1, t322, fma(n_alpha_dot_over_mu_rho2, t435, R::product_error(n_alpha_dot_over_mu_rho2, A_l5_1))));
-            let t501 = t499 + t500;
-            let t502 = t225 * n_beta_dot_over_mu_rho2;
-            let t503 = t502 + t501;
-            let t504 = R::sum_error(t502, t501) + (fma(n_beta_dot_over_mu_rho2, t226, fma(t225, t350, R::product_error(t225, n_beta_dot_over_mu_rho2))) + R::sum_error(t499, t500));
-            let t505 = t503 + t504;
-            let t506 = A_l5_3 * z_Omega1_over_mu_rho2;
-            let t507 = t505 - t506;
-            let t508 = R::sum_error(t505, -t506) + (R::sum_error(t503, t504) - fma(z_Omega1_over_mu_rho2, t459, fma(A_l5_3, t484, R::product_error(A_l5_3, z_Omega1_over_mu_rho2))));
-            let t509 = t507 + t508;
-            let t510 = A_l5_4 * z_Omega2_over_mu_rho2;
+            let t492 = n_alpha_dot_over_mu_rho2 * t447;
+            let t493 = t492 + f_Omega1_over_mu_rho2;
+            let t494 = R::sum_error(t492, f_Omega1_over_mu_rho2) + (fma(t447, t344, fma(n_alpha_dot_over_mu_rho2, t448, R::product_error(n_alpha_dot_over_mu_rho2, t447))) + R::sum_error(t407, t408));
+            let t495 = t493 + t494;
+            let t496 = A_beta_dot_Omega1_over_mu_rho2 * n_beta_dot_over_mu_rho2;
+            let t497 = t495 - t496;
+            let t498 = R::sum_error(t493, t494) - fma(n_beta_dot_over_mu_rho2, t233, fma(A_beta_dot_Omega1_over_mu_rho2, t368, R::product_error(A_beta_dot_Omega1_over_mu_rho2, n_beta_dot_over_mu_rho2)));
+            let t499 = R::sum_error(t495, -t496) + t498;
+            let t500 = R::sum_error(t497, t499);
+            let z_Omega1_over_mu_rho2 = t497 + t499;
+            let t501 = n_alpha_dot_over_mu_rho2 * t449;
+            let t502 = t501 + f_Omega2_over_mu_rho2;
+            let t503 = R::sum_error(t501, f_Omega2_over_mu_rho2) + (fma(t449, t344, fma(n_alpha_dot_over_mu_rho2, t450, R::product_error(n_alpha_dot_over_mu_rho2, t449))) + R::sum_error(t415, t416));
+            let t504 = t502 + t503;
+            let t505 = A_beta_dot_Omega2_over_mu_rho2 * n_beta_dot_over_mu_rho2;
+            let t506 = t504 - t505;
+            let t507 = R::sum_error(t502, t503) - fma(n_beta_dot_over_mu_rho2, t241, fma(A_beta_dot_Omega2_over_mu_rho2, t368, R::product_error(A_beta_dot_Omega2_over_mu_rho2, n_beta_dot_over_mu_rho2)));
+            let t508 = R::sum_error(t504, -t505) + t507;
+            let t509 = t506 + t508;
+            let t510 = A_l4_3 * z_Omega1_over_mu_rho2;
             let t511 = t509 - t510;
-            let t512 = R::sum_error(t509, -t510) + (R::sum_error(t507, t508) - fma(z_Omega2_over_mu_rho2, t472, fma(A_l5_4, t497, R::product_error(A_l5_4, z_Omega2_over_mu_rho2))));
-            let z_Omega3_over_mu_rho2 = t511 + t512;
-            let dot_Omega3 = z_Omega3_over_mu_rho2 / A_s4_5_5_over_mu_rho2;
-            let t513 = fma(-dot_Omega3, R::sum_error(t474, t475), z_Omega3_over_mu_rho2 - dot_Omega3 * A_s4_5_5_over_mu_rho2 - R::product_error(dot_Omega3, A_s4_5_5_over_mu_rho2) + R::sum_error(t511, t512));
-            let t514 = t513 / A_s4_5_5_over_mu_rho2;
-            let t515 = z_Omega2_over_mu_rho2 * t470;
-            let t516 = A_l5_4 * dot_Omega3;
-            let t517 = t515 - t516;
-            let t518 = fma(t470, t497, fma(z_Omega2_over_mu_rho2, t471, R::product_error(z_Omega2_over_mu_rho2, t470))) - fma(dot_Omega3, t472, fma(A_l5_4, t514, R::product_error(A_l5_4, dot_Omega3)));
-            let t519 = R::sum_error(t515, -t516) + t518;
-            let t520 = R::sum_error(t517, t519);
-            let dot_Omega2 = t517 + t519;
-            let t521 = z_Omega1_over_mu_rho2 * t456;
-            let t522 = A_l5_3 * dot_Omega3;
+            let t512 = R::sum_error(t509, -t510) + (R::sum_error(t506, t508) - fma(z_Omega1_over_mu_rho2, t474, fma(A_l4_3, t500, R::product_error(A_l4_3, z_Omega1_over_mu_rho2))));
+            let t513 = R::sum_error(t511, t512);
+            let z_Omega2_over_mu_rho2 = t511 + t512;
+            let t514 = n_alpha_dot_over_mu_rho2 * A_l5_1;
+            let t515 = f_Omega3_over_mu_rho2 - t514;
+            let t516 = R::sum_error(f_Omega3_over_mu_rho2, -t514) + (R::sum_error(t422, t423) - fma(A_l5_1, t344, fma(n_alpha_dot_over_mu_rho2, t451, R::product_error(n_alpha_dot_over_mu_rho2, A_l5_1))));
+            let t517 = t515 + t516;
+            let t518 = t247 * n_beta_dot_over_mu_rho2;
+            let t519 = t518 + t517;
+            let t520 = R::sum_error(t518, t517) + (fma(n_beta_dot_over_mu_rho2, t248, fma(t247, t368, R::product_error(t247, n_beta_dot_over_mu_rho2))) + R::sum_error(t515, t516));
+            let t521 = t519 + t520;
+            let t522 = A_l5_3 * z_Omega1_over_mu_rho2;
             let t523 = t521 - t522;
-            let t524 = fma(t456, t484, fma(z_Omega1_over_mu_rho2, t457, R::product_error(z_Omega1_over_mu_rho2, t456))) - fma(dot_Omega3, t459, fma(A_l5_3, t514, R::product_error(A_l5_3, dot_Omega3)));
-            let t525 = R::sum_error(t521, -t522) + t524;
-            let t526 = t523 + t525;
-            let t527 = A_l4_3 * dot_Omega2;
-            let t528 = t526 - t527;
-            let t529 = R::sum_error(t526, -t527) + (R::sum_error(t523, t525) - fma(dot_Omega2, t458, fma(A_l4_3, t520, R::product_error(A_l4_3, dot_Omega2))));
-            let t530 = R::sum_error(t528, t529);
-            let dot_Omega1 = t528 + t529;
-            let t531 = n_alpha_dot_over_mu_rho2 * t429;
-            let t532 = A_l5_1 * dot_Omega3;
+            let t524 = R::sum_error(t521, -t522) + (R::sum_error(t519, t520) - fma(z_Omega1_over_mu_rho2, t475, fma(A_l5_3, t500, R::product_error(A_l5_3, z_Omega1_over_mu_rho2))));
+            let t525 = t523 + t524;
+            let t526 = A_l5_4 * z_Omega2_over_mu_rho2;
+            let t527 = t525 - t526;
+            let t528 = R::sum_error(t525, -t526) + (R::sum_error(t523, t524) - fma(z_Omega2_over_mu_rho2, t488, fma(A_l5_4, t513, R::product_error(A_l5_4, z_Omega2_over_mu_rho2))));
+            let z_Omega3_over_mu_rho2 = t527 + t528;
+            let dot_Omega3 = z_Omega3_over_mu_rho2 / A_s4_5_5_over_mu_rho2;
+            let t529 = fma(-dot_Omega3, R::sum_error(t490, t491), z_Omega3_over_mu_rho2 - dot_Omega3 * A_s4_5_5_over_mu_rho2 - R::product_error(dot_Omega3, A_s4_5_5_over_mu_rho2) + R::sum_error(t527, t528));
+            let t530 = t529 / A_s4_5_5_over_mu_rho2;
+            let t531 = z_Omega2_over_mu_rho2 * t486;
+            let t532 = A_l5_4 * dot_Omega3;
             let t533 = t531 - t532;
-            let t534 = R::sum_error(t531, -t532) + -fma(dot_Omega3, t435, fma(A_l5_1, t514, R::product_error(A_l5_1, dot_Omega3)));
-            let t535 = t533 + t534;
-            let t536 = t433 * dot_Omega2;
-            let t537 = t536 + t535;
-            let t538 = R::sum_error(t536, t535) + (fma(dot_Omega2, t434, fma(t433, t520, R::product_error(t433, dot_Omega2))) + R::sum_error(t533, t534));
-            let t539 = t537 + t538;
-            let t540 = t431 * dot_Omega1;
-            let t541 = t540 + t539;
-            let t542 = R::sum_error(t540, t539) + (fma(dot_Omega1, t432, fma(t431, t530, R::product_error(t431, dot_Omega1))) + R::sum_error(t537, t538));
-            let dot_alpha_dot = t541 + t542;
-            let t543 = t225 * dot_Omega3;
-            let t544 = t543 + n_beta_dot_over_mu_rho2;
-            let t545 = R::sum_error(t543, n_beta_dot_over_mu_rho2) + fma(dot_Omega3, t226, fma(t225, t514, R::product_error(t225, dot_Omega3)));
-            let t546 = t544 + t545;
-            let t547 = A_beta_dot_Omega2_over_mu_rho2 * dot_Omega2;
-            let t548 = t546 - t547;
-            let t549 = R::sum_error(t546, -t547) + (R::sum_error(t544, t545) - fma(dot_Omega2, t219, fma(A_beta_dot_Omega2_over_mu_rho2, t520, R::product_error(A_beta_dot_Omega2_over_mu_rho2, dot_Omega2))));
-            let t550 = t548 + t549;
-            let t551 = A_beta_dot_Omega1_over_mu_rho2 * dot_Omega1;
-            let t552 = t550 - t551;
-            let t553 = R::sum_error(t550, -t551) + (R::sum_error(t548, t549) - fma(dot_Omega1, t211, fma(A_beta_dot_Omega1_over_mu_rho2, t530, R::product_error(A_beta_dot_Omega1_over_mu_rho2, dot_Omega1))));
-            let dot_beta_dot = t552 + t553;
-            let dot_alpha_dot_2 = dot_alpha_dot + R::sum_error(t541, t542);
-            let dot_beta_dot_2 = dot_beta_dot + R::sum_error(t552, t553);
-            let dot_Omega1_2 = dot_Omega1 + t530;
-            let dot_Omega2_2 = dot_Omega2 + t520;
-            let dot_Omega3_2 = dot_Omega3 + t514;
+            let t534 = fma(t486, t513, fma(z_Omega2_over_mu_rho2, t487, R::product_error(z_Omega2_over_mu_rho2, t486))) - fma(dot_Omega3, t488, fma(A_l5_4, t530, R::product_error(A_l5_4, dot_Omega3)));
+            let t535 = R::sum_error(t531, -t532) + t534;
+            let t536 = R::sum_error(t533, t535);
+            let dot_Omega2 = t533 + t535;
+            let t537 = z_Omega1_over_mu_rho2 * t472;
+            let t538 = A_l5_3 * dot_Omega3;
+            let t539 = t537 - t538;
+            let t540 = fma(t472, t500, fma(z_Omega1_over_mu_rho2, t473, R::product_error(z_Omega1_over_mu_rho2, t472))) - fma(dot_Omega3, t475, fma(A_l5_3, t530, R::product_error(A_l5_3, dot_Omega3)));
+            let t541 = R::sum_error(t537, -t538) + t540;
+            let t542 = t539 + t541;
+            let t543 = A_l4_3 * dot_Omega2;
+            let t544 = t542 - t543;
+            let t545 = R::sum_error(t542, -t543) + (R::sum_error(t539, t541) - fma(dot_Omega2, t474, fma(A_l4_3, t536, R::product_error(A_l4_3, dot_Omega2))));
+            let t546 = R::sum_error(t544, t545);
+            let dot_Omega1 = t544 + t545;
+            let t547 = n_alpha_dot_over_mu_rho2 * t445;
+            let t548 = A_l5_1 * dot_Omega3;
+            let t549 = t547 - t548;
+            let t550 = R::sum_error(t547, -t548) + -fma(dot_Omega3, t451, fma(A_l5_1, t530, R::product_error(A_l5_1, dot_Omega3)));
+            let t551 = t549 + t550;
+            let t552 = t449 * dot_Omega2;
+            let t553 = t552 + t551;
+            let t554 = R::sum_error(t552, t551) + (fma(dot_Omega2, t450, fma(t449, t536, R::product_error(t449, dot_Omega2))) + R::sum_error(t549, t550));
+            let t555 = t553 + t554;
+            let t556 = t447 * dot_Omega1;
+            let t557 = t556 + t555;
+            let t558 = R::sum_error(t556, t555) + (fma(dot_Omega1, t448, fma(t447, t546, R::product_error(t447, dot_Omega1))) + R::sum_error(t553, t554));
+            let dot_alpha_dot = t557 + t558;
+            let t559 = t247 * dot_Omega3;
+            let t560 = t559 + n_beta_dot_over_mu_rho2;
+            let t561 = R::sum_error(t559, n_beta_dot_over_mu_rho2) + fma(dot_Omega3, t248, fma(t247, t530, R::product_error(t247, dot_Omega3)));
+            let t562 = t560 + t561;
+            let t563 = A_beta_dot_Omega2_over_mu_rho2 * dot_Omega2;
+            let t564 = t562 - t563;
+            let t565 = R::sum_error(t562, -t563) + (R::sum_error(t560, t561) - fma(dot_Omega2, t241, fma(A_beta_dot_Omega2_over_mu_rho2, t536, R::product_error(A_beta_dot_Omega2_over_mu_rho2, dot_Omega2))));
+            let t566 = t564 + t565;
+            let t567 = A_beta_dot_Omega1_over_mu_rho2 * dot_Omega1;
+            let t568 = t566 - t567;
+            let t569 = R::sum_error(t566, -t567) + (R::sum_error(t564, t565) - fma(dot_Omega1, t233, fma(A_beta_dot_Omega1_over_mu_rho2, t546, R::product_error(A_beta_dot_Omega1_over_mu_rho2, dot_Omega1))));
+            let dot_beta_dot = t568 + t569;
+            let dot_alpha_dot_2 = dot_alpha_dot + R::sum_error(t557, t558);
+            let dot_beta_dot_2 = dot_beta_dot + R::sum_error(t568, t569);
+            let dot_Omega1_2 = dot_Omega1 + t546;
+            let dot_Omega2_2 = dot_Omega2 + t536;
+            let dot_Omega3_2 = dot_Omega3 + t530;
             [dot_alpha_dot_2, dot_beta_dot_2, dot_Omega1_2, dot_Omega2_2, dot_Omega3_2]
         };
         *dy = [
@@ -887,7 +918,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      cos_beta, sin_beta, cos_alpha, sin_alpha]
     /// ```
     ///
-    /// Operations: 2907 additions, 1056 multiplications (231 fused), 8 divisions, 72 sign changes.
+    /// Operations: 3010 additions, 1089 multiplications (242 fused), 8 divisions, 74 sign changes.
     #[inline]
     pub fn rhs_on_circles(&self, t: R, y: &[R; 14], dy: &mut [R; 14]) {
         let [
@@ -972,7 +1003,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let [t78, a1_1_over_rho, t100, a1_2_over_rho, t121, t122, a1_3_over_rho] = {
+        let [t78, a1_1_over_rho, t100, a1_2_over_rho, t123, a1_3_over_rho] = {
             let t56 = cos_beta * t11;
             let t57 = Omega2 * sin_beta;
             let t58 = sin_alpha * t56;
@@ -1042,541 +1073,564 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t120 = Omega2 * t114;
             let t121 = t119 - t120;
             let t122 = R::sum_error(t119, -t120) + (R::sum_error(t117, t118) - fma(Omega2, R::sum_error(t112, t113), R::product_error(Omega2, t114)));
+            let t123 = R::sum_error(t121, t122);
             let a1_3_over_rho = t121 + t122;
-            [t78, a1_1_over_rho, t100, a1_2_over_rho, t121, t122, a1_3_over_rho]
+            [t78, a1_1_over_rho, t100, a1_2_over_rho, t123, a1_3_over_rho]
         };
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
         let [
-            t130, t131, t132, t133, t134, t135, t136, t137, t138, t151, r_alpha_dot_over_mu_rho2, t154, t155,
-            r_Omega3_over_mu_rho2,
+            t131, t132, t133, t134, t137, t138, t139, t140, t153, r_alpha_dot_over_mu_rho2, t168, t169,
+            r_Omega2_over_mu_rho2, t172, t173, r_Omega3_over_mu_rho2, t178, lag_X1_over_rho, t180, t181,
+            r_X1_over_mu_rho,
         ] = {
-            let t123 = Gamma2 * sin_alpha;
-            let t124 = Gamma1 * cos_alpha;
-            let t125 = t124 + t123;
-            let t126 = R::sum_error(t124, t123) + (fma(Gamma1, t8, R::product_error(Gamma1, cos_alpha)) + fma(Gamma2, t7, R::product_error(Gamma2, sin_alpha)));
-            let t127 = t125 + t126;
-            let t128 = Gamma3 * sin_beta;
-            let t129 = cos_beta * t127;
-            let t130 = t129 - t128;
-            let t131 = R::sum_error(t129, -t128) + (fma(t127, t5, fma(cos_beta, R::sum_error(t125, t126), R::product_error(cos_beta, t127))) - fma(Gamma3, t4, R::product_error(Gamma3, sin_beta)));
-            let t132 = t130 + t131;
-            let t133 = self.c1 * t132;
-            let t134 = self.c1 * t30;
-            let t135 = fma(self.c1, t31, R::product_error(self.c1, t30));
-            let t136 = self.c1 * cos_beta;
-            let t137 = Gamma1 * t9;
-            let t138 = fma(Gamma1, t10, R::product_error(Gamma1, t9));
-            let t139 = Gamma2 * t134;
-            let t140 = t137 * self.c1;
-            let t141 = t140 - t139;
-            let t142 = R::sum_error(t140, -t139) + (fma(self.c1, t138, R::product_error(t137, self.c1)) - fma(Gamma2, t135, R::product_error(Gamma2, t134)));
-            let t143 = t141 + t142;
-            let t144 = t30 * a1_2_over_rho;
-            let t145 = t143 - t144;
-            let t146 = R::sum_error(t143, -t144) + (R::sum_error(t141, t142) - fma(a1_2_over_rho, t31, fma(t30, t100, R::product_error(t30, a1_2_over_rho))));
-            let t147 = t145 + t146;
-            let t148 = t9 * a1_1_over_rho;
-            let t149 = t148 + t147;
-            let t150 = R::sum_error(t148, t147) + (fma(a1_1_over_rho, t10, fma(t9, t78, R::product_error(t9, a1_1_over_rho))) + R::sum_error(t145, t146));
-            let t151 = R::sum_error(t149, t150);
-            let r_alpha_dot_over_mu_rho2 = t149 + t150;
-            let t152 = self.c2 * Omega2;
-            let t153 = Omega1 * t152;
-            let t154 = t153 + r_alpha_dot_over_mu_rho2;
-            let t155 = R::sum_error(t153, r_alpha_dot_over_mu_rho2) + (R::product_error(Omega1, t152) + t151);
-            let r_Omega3_over_mu_rho2 = t154 + t155;
+            let t124 = Gamma2 * sin_alpha;
+            let t125 = Gamma1 * cos_alpha;
+            let t126 = t125 + t124;
+            let t127 = R::sum_error(t125, t124) + (fma(Gamma1, t8, R::product_error(Gamma1, cos_alpha)) + fma(Gamma2, t7, R::product_error(Gamma2, sin_alpha)));
+            let t128 = t126 + t127;
+            let t129 = Gamma3 * sin_beta;
+            let t130 = cos_beta * t128;
+            let t131 = t130 - t129;
+            let t132 = R::sum_error(t130, -t129) + (fma(t128, t5, fma(cos_beta, R::sum_error(t126, t127), R::product_error(cos_beta, t128))) - fma(Gamma3, t4, R::product_error(Gamma3, sin_beta)));
+            let t133 = t131 + t132;
+            let t134 = self.c1 * t133;
+            let t135 = self.c1 * t30;
+            let t136 = fma(self.c1, t31, R::product_error(self.c1, t30));
+            let t137 = self.c1 * cos_beta;
+            let t138 = fma(self.c1, t5, R::product_error(self.c1, cos_beta));
+            let t139 = Gamma1 * t9;
+            let t140 = fma(Gamma1, t10, R::product_error(Gamma1, t9));
+            let t141 = Gamma2 * t135;
+            let t142 = t139 * self.c1;
+            let t143 = t142 - t141;
+            let t144 = R::sum_error(t142, -t141) + (fma(self.c1, t140, R::product_error(t139, self.c1)) - fma(Gamma2, t136, R::product_error(Gamma2, t135)));
+            let t145 = t143 + t144;
+            let t146 = t30 * a1_2_over_rho;
+            let t147 = t145 - t146;
+            let t148 = R::sum_error(t145, -t146) + (R::sum_error(t143, t144) - fma(a1_2_over_rho, t31, fma(t30, t100, R::product_error(t30, a1_2_over_rho))));
+            let t149 = t147 + t148;
+            let t150 = t9 * a1_1_over_rho;
+            let t151 = t150 + t149;
+            let t152 = R::sum_error(t150, t149) + (fma(a1_1_over_rho, t10, fma(t9, t78, R::product_error(t9, a1_1_over_rho))) + R::sum_error(t147, t148));
+            let t153 = R::sum_error(t151, t152);
+            let r_alpha_dot_over_mu_rho2 = t151 + t152;
+            let t154 = self.c2 * Omega3 * Omega1;
+            let t155 = Gamma1 * t137;
+            let t156 = t154 - t155;
+            let t157 = R::sum_error(t154, -t155) + -fma(Gamma1, t138, R::product_error(Gamma1, t137));
+            let t158 = t156 + t157;
+            let t159 = Gamma3 * t135;
+            let t160 = t159 + t158;
+            let t161 = R::sum_error(t159, t158) + (fma(Gamma3, t136, R::product_error(Gamma3, t135)) + R::sum_error(t156, t157));
+            let t162 = t160 + t161;
+            let t163 = t30 * a1_3_over_rho;
+            let t164 = t163 + t162;
+            let t165 = R::sum_error(t163, t162) + (fma(a1_3_over_rho, t31, fma(t30, t123, R::product_error(t30, a1_3_over_rho))) + R::sum_error(t160, t161));
+            let t166 = t164 + t165;
+            let t167 = cos_beta * a1_1_over_rho;
+            let t168 = t166 - t167;
+            let t169 = R::sum_error(t166, -t167) + (R::sum_error(t164, t165) - fma(a1_1_over_rho, t5, fma(cos_beta, t78, R::product_error(cos_beta, a1_1_over_rho))));
+            let r_Omega2_over_mu_rho2 = t168 + t169;
+            let t170 = self.c3 * Omega2;
+            let t171 = Omega1 * t170;
+            let t172 = t171 + r_alpha_dot_over_mu_rho2;
+            let t173 = R::sum_error(t171, r_alpha_dot_over_mu_rho2) + (R::product_error(Omega1, t170) + t153);
+            let r_Omega3_over_mu_rho2 = t172 + t173;
+            let t174 = Omega3 * t1;
+            let t175 = Omega2 * t2;
+            let t176 = t175 - t174;
+            let t177 = R::sum_error(t175, -t174) + (R::product_error(Omega2, t2) - R::product_error(Omega3, t1));
+            let t178 = R::sum_error(t176, t177);
+            let lag_X1_over_rho = t176 + t177;
+            let t179 = lag_X1_over_rho * self.c4;
+            let t180 = t179 - a1_1_over_rho;
+            let t181 = R::sum_error(t179, -a1_1_over_rho) + (fma(self.c4, t178, fma(lag_X1_over_rho, self.c34, R::product_error(lag_X1_over_rho, self.c4))) - t78);
+            let r_X1_over_mu_rho = t180 + t181;
             [
-                t130, t131, t132, t133, t134, t135, t136, t137, t138, t151, r_alpha_dot_over_mu_rho2, t154, t155,
-                r_Omega3_over_mu_rho2,
+                t131, t132, t133, t134, t137, t138, t139, t140, t153, r_alpha_dot_over_mu_rho2, t168, t169,
+                r_Omega2_over_mu_rho2, t172, t173, r_Omega3_over_mu_rho2, t178, lag_X1_over_rho, t180, t181,
+                r_X1_over_mu_rho,
             ]
         };
         // accelerations of the dependent velocities at udot = 0
-        let [t160, lag_X1_over_rho, t165, lag_X2_over_rho, t168, t169, lag_X3_over_rho] = {
-            let t156 = Omega3 * t1;
-            let t157 = Omega2 * t2;
-            let t158 = t157 - t156;
-            let t159 = R::sum_error(t157, -t156) + (R::product_error(Omega2, t2) - R::product_error(Omega3, t1));
-            let t160 = R::sum_error(t158, t159);
-            let lag_X1_over_rho = t158 + t159;
-            let t161 = Omega1 * t2;
-            let t162 = Omega3 * t0;
-            let t163 = t162 - t161;
-            let t164 = R::sum_error(t162, -t161) + (R::product_error(Omega3, t0) - R::product_error(Omega1, t2));
-            let t165 = R::sum_error(t163, t164);
-            let lag_X2_over_rho = t163 + t164;
-            let t166 = Omega2 * t0;
-            let t167 = Omega1 * t1;
-            let t168 = t167 - t166;
-            let t169 = R::sum_error(t167, -t166) + (R::product_error(Omega1, t1) - R::product_error(Omega2, t0));
-            let lag_X3_over_rho = t168 + t169;
-            [t160, lag_X1_over_rho, t165, lag_X2_over_rho, t168, t169, lag_X3_over_rho]
+        let [t186, lag_X2_over_rho, t191, lag_X3_over_rho] = {
+            let t182 = Omega1 * t2;
+            let t183 = Omega3 * t0;
+            let t184 = t183 - t182;
+            let t185 = R::sum_error(t183, -t182) + (R::product_error(Omega3, t0) - R::product_error(Omega1, t2));
+            let t186 = R::sum_error(t184, t185);
+            let lag_X2_over_rho = t184 + t185;
+            let t187 = Omega2 * t0;
+            let t188 = Omega1 * t1;
+            let t189 = t188 - t187;
+            let t190 = R::sum_error(t188, -t187) + (R::product_error(Omega1, t1) - R::product_error(Omega2, t0));
+            let t191 = R::sum_error(t189, t190);
+            let lag_X3_over_rho = t189 + t190;
+            [t186, lag_X2_over_rho, t191, lag_X3_over_rho]
         };
         // mass matrix A = W^T L_yy Psi
         let [
-            t176, t177, t178, t179, t180, t181, t193, A_alpha_dot_Omega3_over_mu_rho2, t207,
-            A_beta_dot_Omega1_over_mu_rho2, t215, A_beta_dot_Omega2_over_mu_rho2, t221, t222, t250, t251,
-            A_Omega1_Omega1_over_mu_rho2, t264, t265, A_Omega1_Omega2_over_mu_rho2, t271, t272,
-            A_Omega1_Omega3_over_mu_rho2, t289, t290, A_Omega2_Omega2_over_mu_rho2, t295, t296,
-            A_Omega2_Omega3_over_mu_rho2, t307, t308, A_Omega3_Omega3_over_mu_rho2,
+            t198, t199, t200, t201, t202, t203, t215, A_alpha_dot_Omega3_over_mu_rho2, t229,
+            A_beta_dot_Omega1_over_mu_rho2, t237, A_beta_dot_Omega2_over_mu_rho2, t243, t244, t272, t273,
+            A_Omega1_Omega1_over_mu_rho2, t286, t287, A_Omega1_Omega2_over_mu_rho2, t293, t294,
+            A_Omega1_Omega3_over_mu_rho2, t311, t312, A_Omega2_Omega2_over_mu_rho2, t317, t318,
+            A_Omega2_Omega3_over_mu_rho2, t329, t330, A_Omega3_Omega3_over_mu_rho2,
         ] = {
-            let t170 = cos_beta * self.c3;
-            let t171 = t170 + Gamma3;
-            let t172 = R::sum_error(t170, Gamma3) + fma(self.c3, t5, fma(cos_beta, self.c32, R::product_error(cos_beta, self.c3)));
-            let t173 = t171 + t172;
-            let t174 = self.c23 * t173;
-            let t175 = fma(t173, self.c36, fma(self.c23, R::sum_error(t171, t172), R::product_error(self.c23, t173)));
-            let t176 = t30 * t174;
-            let t177 = fma(t174, t31, fma(t30, t175, R::product_error(t30, t174)));
-            let t178 = t9 * t174;
-            let t179 = fma(t174, t10, fma(t9, t175, R::product_error(t9, t174)));
-            let t180 = sin_beta * sin_beta;
-            let t181 = fma(sin_beta, t4, fma(sin_beta, t4, R::product_error(sin_beta, sin_beta)));
-            let t182 = Gamma2 * t9;
-            let t183 = fma(Gamma2, t10, R::product_error(Gamma2, t9));
-            let t184 = Gamma1 * t30;
-            let t185 = fma(Gamma1, t31, R::product_error(Gamma1, t30));
-            let t186 = t182 + t184;
-            let t187 = R::sum_error(t182, t184) + (t183 + t185);
-            let t188 = R::sum_error(t186, t187);
-            let t189 = t186 + t187;
-            let t190 = t189 * self.c0;
-            let t191 = t190 + t180;
-            let t192 = R::sum_error(t190, t180) + (fma(self.c0, t188, fma(t189, self.c31, R::product_error(t189, self.c0))) + t181);
-            let t193 = R::sum_error(t191, t192);
-            let A_alpha_dot_Omega3_over_mu_rho2 = t191 + t192;
-            let t194 = self.c0 * sin_beta;
-            let t195 = fma(sin_beta, self.c31, fma(self.c0, t4, R::product_error(self.c0, sin_beta)));
-            let t196 = self.c0 * cos_beta;
-            let t197 = fma(cos_beta, self.c31, fma(self.c0, t5, R::product_error(self.c0, cos_beta)));
-            let t198 = Gamma3 * t196;
-            let t199 = fma(Gamma3, t197, R::product_error(Gamma3, t196));
-            let t200 = Gamma2 * t194;
-            let t201 = t200 + sin_alpha;
-            let t202 = R::sum_error(t200, sin_alpha) + (fma(Gamma2, t195, R::product_error(Gamma2, t194)) + t7);
-            let t203 = -(t201 + t202);
-            let t204 = sin_alpha * t198;
-            let t205 = t203 - t204;
-            let t206 = R::sum_error(t203, -t204) + (-R::sum_error(t201, t202) - fma(t198, t7, fma(sin_alpha, t199, R::product_error(sin_alpha, t198))));
-            let t207 = R::sum_error(t205, t206);
-            let A_beta_dot_Omega1_over_mu_rho2 = t205 + t206;
-            let t208 = Gamma1 * t194;
-            let t209 = t208 + cos_alpha;
-            let t210 = R::sum_error(t208, cos_alpha) + (fma(Gamma1, t195, R::product_error(Gamma1, t194)) + t8);
-            let t211 = t209 + t210;
-            let t212 = cos_alpha * t198;
-            let t213 = t212 + t211;
-            let t214 = R::sum_error(t212, t211) + (fma(t198, t8, fma(cos_alpha, t199, R::product_error(cos_alpha, t198))) + R::sum_error(t209, t210));
+            let t192 = cos_beta * self.c5;
+            let t193 = t192 + Gamma3;
+            let t194 = R::sum_error(t192, Gamma3) + fma(self.c5, t5, fma(cos_beta, self.c35, R::product_error(cos_beta, self.c5)));
+            let t195 = t193 + t194;
+            let t196 = self.c25 * t195;
+            let t197 = fma(t195, self.c40, fma(self.c25, R::sum_error(t193, t194), R::product_error(self.c25, t195)));
+            let t198 = t30 * t196;
+            let t199 = fma(t196, t31, fma(t30, t197, R::product_error(t30, t196)));
+            let t200 = t9 * t196;
+            let t201 = fma(t196, t10, fma(t9, t197, R::product_error(t9, t196)));
+            let t202 = sin_beta * sin_beta;
+            let t203 = fma(sin_beta, t4, fma(sin_beta, t4, R::product_error(sin_beta, sin_beta)));
+            let t204 = Gamma2 * t9;
+            let t205 = fma(Gamma2, t10, R::product_error(Gamma2, t9));
+            let t206 = Gamma1 * t30;
+            let t207 = fma(Gamma1, t31, R::product_error(Gamma1, t30));
+            let t208 = t204 + t206;
+            let t209 = R::sum_error(t204, t206) + (t205 + t207);
+            let t210 = R::sum_error(t208, t209);
+            let t211 = t208 + t209;
+            let t212 = t211 * self.c0;
+            let t213 = t212 + t202;
+            let t214 = R::sum_error(t212, t202) + (fma(self.c0, t210, fma(t211, self.c33, R::product_error(t211, self.c0))) + t203);
             let t215 = R::sum_error(t213, t214);
-            let A_beta_dot_Omega2_over_mu_rho2 = t213 + t214;
-            let t216 = Gamma2 * cos_alpha;
-            let t217 = Gamma1 * sin_alpha;
-            let t218 = t216 - t217;
-            let t219 = R::sum_error(t216, -t217) + (fma(Gamma2, t8, R::product_error(Gamma2, cos_alpha)) - fma(Gamma1, t7, R::product_error(Gamma1, sin_alpha)));
-            let t220 = t218 + t219;
-            let t221 = t196 * t220;
-            let t222 = fma(t220, t197, fma(t196, R::sum_error(t218, t219), R::product_error(t196, t220)));
-            let t223 = cos_beta * self.c4;
-            let t224 = t223 + Gamma3;
-            let t225 = R::sum_error(t223, Gamma3) + fma(self.c4, t5, fma(cos_beta, self.c33, R::product_error(cos_beta, self.c4)));
-            let t226 = t224 + t225;
-            let t227 = self.c5 * Gamma3;
-            let t228 = fma(Gamma3, self.c34, R::product_error(self.c5, Gamma3));
-            let t229 = Gamma2 * Gamma2;
-            let t230 = t229 * self.c5;
-            let t231 = fma(self.c5, R::product_error(Gamma2, Gamma2), fma(t229, self.c34, R::product_error(t229, self.c5)));
-            let t232 = t230 + self.c6;
-            let t233 = R::sum_error(t230, self.c6) + t231;
-            let t234 = t232 + t233;
-            let t235 = cos_beta * cos_beta;
-            let t236 = fma(cos_beta, t5, fma(cos_beta, t5, R::product_error(cos_beta, cos_beta)));
-            let t237 = t235 + t234;
-            let t238 = R::sum_error(t235, t234) + (t236 + R::sum_error(t232, t233));
-            let t239 = t237 + t238;
-            let t240 = t9 * t9;
-            let t241 = t240 + t239;
-            let t242 = R::sum_error(t240, t239) + (fma(t9, t10, fma(t9, t10, R::product_error(t9, t9))) + R::sum_error(t237, t238));
-            let t243 = t241 + t242;
-            let t244 = t226 * t227;
-            let t245 = fma(t227, R::sum_error(t224, t225), fma(t226, t228, R::product_error(t226, t227)));
-            let t246 = t244 + t243;
-            let t247 = R::sum_error(t244, t243) + (t245 + R::sum_error(t241, t242));
+            let A_alpha_dot_Omega3_over_mu_rho2 = t213 + t214;
+            let t216 = self.c0 * sin_beta;
+            let t217 = fma(sin_beta, self.c33, fma(self.c0, t4, R::product_error(self.c0, sin_beta)));
+            let t218 = self.c0 * cos_beta;
+            let t219 = fma(cos_beta, self.c33, fma(self.c0, t5, R::product_error(self.c0, cos_beta)));
+            let t220 = Gamma3 * t218;
+            let t221 = fma(Gamma3, t219, R::product_error(Gamma3, t218));
+            let t222 = Gamma2 * t216;
+            let t223 = t222 + sin_alpha;
+            let t224 = R::sum_error(t222, sin_alpha) + (fma(Gamma2, t217, R::product_error(Gamma2, t216)) + t7);
+            let t225 = -(t223 + t224);
+            let t226 = sin_alpha * t220;
+            let t227 = t225 - t226;
+            let t228 = R::sum_error(t225, -t226) + (-R::sum_error(t223, t224) - fma(t220, t7, fma(sin_alpha, t221, R::product_error(sin_alpha, t220))));
+            let t229 = R::sum_error(t227, t228);
+            let A_beta_dot_Omega1_over_mu_rho2 = t227 + t228;
+            let t230 = Gamma1 * t216;
+            let t231 = t230 + cos_alpha;
+            let t232 = R::sum_error(t230, cos_alpha) + (fma(Gamma1, t217, R::product_error(Gamma1, t216)) + t8);
+            let t233 = t231 + t232;
+            let t234 = cos_alpha * t220;
+            let t235 = t234 + t233;
+            let t236 = R::sum_error(t234, t233) + (fma(t220, t8, fma(cos_alpha, t221, R::product_error(cos_alpha, t220))) + R::sum_error(t231, t232));
+            let t237 = R::sum_error(t235, t236);
+            let A_beta_dot_Omega2_over_mu_rho2 = t235 + t236;
+            let t238 = Gamma2 * cos_alpha;
+            let t239 = Gamma1 * sin_alpha;
+            let t240 = t238 - t239;
+            let t241 = R::sum_error(t238, -t239) + (fma(Gamma2, t8, R::product_error(Gamma2, cos_alpha)) - fma(Gamma1, t7, R::product_error(Gamma1, sin_alpha)));
+            let t242 = t240 + t241;
+            let t243 = t218 * t242;
+            let t244 = fma(t242, t219, fma(t218, R::sum_error(t240, t241), R::product_error(t218, t242)));
+            let t245 = cos_beta * self.c6;
+            let t246 = t245 + Gamma3;
+            let t247 = R::sum_error(t245, Gamma3) + fma(self.c6, t5, fma(cos_beta, self.c36, R::product_error(cos_beta, self.c6)));
             let t248 = t246 + t247;
-            let t249 = t182 * self.c7;
-            let t250 = t249 + t248;
-            let t251 = R::sum_error(t249, t248) + (fma(self.c7, t183, fma(t182, self.c35, R::product_error(t182, self.c7))) + R::sum_error(t246, t247));
-            let A_Omega1_Omega1_over_mu_rho2 = t250 + t251;
-            let t252 = self.c5 * Gamma1;
-            let t253 = fma(Gamma1, self.c34, R::product_error(self.c5, Gamma1));
-            let t254 = t9 * self.c24;
-            let t255 = t254 + Gamma2;
-            let t256 = R::sum_error(t254, Gamma2) + fma(self.c24, t10, fma(t9, self.c37, R::product_error(t9, self.c24)));
-            let t257 = t255 + t256;
-            let t258 = t30 * t257;
-            let t259 = t258 + t137;
-            let t260 = R::sum_error(t258, t137) + (fma(t257, t31, fma(t30, R::sum_error(t255, t256), R::product_error(t30, t257))) + t138);
+            let t249 = self.c7 * Gamma3;
+            let t250 = fma(Gamma3, self.c37, R::product_error(self.c7, Gamma3));
+            let t251 = Gamma2 * Gamma2;
+            let t252 = t251 * self.c7;
+            let t253 = fma(self.c7, R::product_error(Gamma2, Gamma2), fma(t251, self.c37, R::product_error(t251, self.c7)));
+            let t254 = t252 + self.c8;
+            let t255 = R::sum_error(t252, self.c8) + t253;
+            let t256 = t254 + t255;
+            let t257 = cos_beta * cos_beta;
+            let t258 = fma(cos_beta, t5, fma(cos_beta, t5, R::product_error(cos_beta, cos_beta)));
+            let t259 = t257 + t256;
+            let t260 = R::sum_error(t257, t256) + (t258 + R::sum_error(t254, t255));
             let t261 = t259 + t260;
-            let t262 = Gamma2 * t252;
-            let t263 = self.c25 * t261;
-            let t264 = t263 + t262;
-            let t265 = R::sum_error(t263, t262) + (fma(t261, self.c38, fma(self.c25, R::sum_error(t259, t260), R::product_error(self.c25, t261))) + fma(Gamma2, t253, R::product_error(Gamma2, t252)));
-            let A_Omega1_Omega2_over_mu_rho2 = -(t264 + t265);
-            let t266 = Gamma3 * t252;
-            let t267 = t266 + t176;
-            let t268 = R::sum_error(t266, t176) + (fma(Gamma3, t253, R::product_error(Gamma3, t252)) + t177);
-            let t269 = -(t267 + t268);
-            let t270 = Gamma1 * t196;
-            let t271 = t269 - t270;
-            let t272 = R::sum_error(t269, -t270) + (-R::sum_error(t267, t268) - fma(Gamma1, t197, R::product_error(Gamma1, t196)));
-            let A_Omega1_Omega3_over_mu_rho2 = t271 + t272;
-            let t273 = Gamma1 * t252;
-            let t274 = fma(Gamma1, t253, R::product_error(Gamma1, t252));
-            let t275 = t273 + self.c8;
-            let t276 = R::sum_error(t273, self.c8) + t274;
-            let t277 = t275 + t276;
-            let t278 = t235 + t277;
-            let t279 = R::sum_error(t235, t277) + (t236 + R::sum_error(t275, t276));
-            let t280 = t278 + t279;
-            let t281 = t244 + t280;
-            let t282 = R::sum_error(t244, t280) + (t245 + R::sum_error(t278, t279));
+            let t262 = t9 * t9;
+            let t263 = t262 + t261;
+            let t264 = R::sum_error(t262, t261) + (fma(t9, t10, fma(t9, t10, R::product_error(t9, t9))) + R::sum_error(t259, t260));
+            let t265 = t263 + t264;
+            let t266 = t248 * t249;
+            let t267 = fma(t249, R::sum_error(t246, t247), fma(t248, t250, R::product_error(t248, t249)));
+            let t268 = t266 + t265;
+            let t269 = R::sum_error(t266, t265) + (t267 + R::sum_error(t263, t264));
+            let t270 = t268 + t269;
+            let t271 = t204 * self.c9;
+            let t272 = t271 + t270;
+            let t273 = R::sum_error(t271, t270) + (fma(self.c9, t205, fma(t204, self.c38, R::product_error(t204, self.c9))) + R::sum_error(t268, t269));
+            let A_Omega1_Omega1_over_mu_rho2 = t272 + t273;
+            let t274 = self.c7 * Gamma1;
+            let t275 = fma(Gamma1, self.c37, R::product_error(self.c7, Gamma1));
+            let t276 = t9 * self.c26;
+            let t277 = t276 + Gamma2;
+            let t278 = R::sum_error(t276, Gamma2) + fma(self.c26, t10, fma(t9, self.c41, R::product_error(t9, self.c26)));
+            let t279 = t277 + t278;
+            let t280 = t30 * t279;
+            let t281 = t280 + t139;
+            let t282 = R::sum_error(t280, t139) + (fma(t279, t31, fma(t30, R::sum_error(t277, t278), R::product_error(t30, t279))) + t140);
             let t283 = t281 + t282;
-            let t284 = t30 * t30;
-            let t285 = t284 + t283;
-            let t286 = R::sum_error(t284, t283) + (fma(t30, t31, fma(t30, t31, R::product_error(t30, t30))) + R::sum_error(t281, t282));
-            let t287 = t285 + t286;
-            let t288 = t184 * self.c26;
-            let t289 = t288 + t287;
-            let t290 = R::sum_error(t288, t287) + (fma(self.c26, t185, fma(t184, self.c39, R::product_error(t184, self.c26))) + R::sum_error(t285, t286));
-            let A_Omega2_Omega2_over_mu_rho2 = t289 + t290;
-            let t291 = t227 + t196;
-            let t292 = R::sum_error(t227, t196) + (t228 + t197);
-            let t293 = t291 + t292;
-            let t294 = Gamma2 * t293;
-            let t295 = t294 + t178;
-            let t296 = R::sum_error(t294, t178) + (fma(Gamma2, R::sum_error(t291, t292), R::product_error(Gamma2, t293)) + t179);
-            let A_Omega2_Omega3_over_mu_rho2 = -(t295 + t296);
-            let t297 = t230 + self.c9;
-            let t298 = R::sum_error(t230, self.c9) + t231;
+            let t284 = Gamma2 * t274;
+            let t285 = self.c27 * t283;
+            let t286 = t285 + t284;
+            let t287 = R::sum_error(t285, t284) + (fma(t283, self.c42, fma(self.c27, R::sum_error(t281, t282), R::product_error(self.c27, t283))) + fma(Gamma2, t275, R::product_error(Gamma2, t274)));
+            let A_Omega1_Omega2_over_mu_rho2 = -(t286 + t287);
+            let t288 = Gamma3 * t274;
+            let t289 = t288 + t198;
+            let t290 = R::sum_error(t288, t198) + (fma(Gamma3, t275, R::product_error(Gamma3, t274)) + t199);
+            let t291 = -(t289 + t290);
+            let t292 = Gamma1 * t218;
+            let t293 = t291 - t292;
+            let t294 = R::sum_error(t291, -t292) + (-R::sum_error(t289, t290) - fma(Gamma1, t219, R::product_error(Gamma1, t218)));
+            let A_Omega1_Omega3_over_mu_rho2 = t293 + t294;
+            let t295 = Gamma1 * t274;
+            let t296 = fma(Gamma1, t275, R::product_error(Gamma1, t274));
+            let t297 = t295 + self.c10;
+            let t298 = R::sum_error(t295, self.c10) + t296;
             let t299 = t297 + t298;
-            let t300 = t273 + t299;
-            let t301 = R::sum_error(t273, t299) + (t274 + R::sum_error(t297, t298));
+            let t300 = t257 + t299;
+            let t301 = R::sum_error(t257, t299) + (t258 + R::sum_error(t297, t298));
             let t302 = t300 + t301;
-            let t303 = t302 + t180;
-            let t304 = R::sum_error(t302, t180) + (R::sum_error(t300, t301) + t181);
+            let t303 = t266 + t302;
+            let t304 = R::sum_error(t266, t302) + (t267 + R::sum_error(t300, t301));
             let t305 = t303 + t304;
-            let t306 = t189 * self.c27;
+            let t306 = t30 * t30;
             let t307 = t306 + t305;
-            let t308 = R::sum_error(t306, t305) + (fma(self.c27, t188, fma(t189, self.c40, R::product_error(t189, self.c27))) + R::sum_error(t303, t304));
-            let A_Omega3_Omega3_over_mu_rho2 = t307 + t308;
+            let t308 = R::sum_error(t306, t305) + (fma(t30, t31, fma(t30, t31, R::product_error(t30, t30))) + R::sum_error(t303, t304));
+            let t309 = t307 + t308;
+            let t310 = t206 * self.c28;
+            let t311 = t310 + t309;
+            let t312 = R::sum_error(t310, t309) + (fma(self.c28, t207, fma(t206, self.c43, R::product_error(t206, self.c28))) + R::sum_error(t307, t308));
+            let A_Omega2_Omega2_over_mu_rho2 = t311 + t312;
+            let t313 = t249 + t218;
+            let t314 = R::sum_error(t249, t218) + (t250 + t219);
+            let t315 = t313 + t314;
+            let t316 = Gamma2 * t315;
+            let t317 = t316 + t200;
+            let t318 = R::sum_error(t316, t200) + (fma(Gamma2, R::sum_error(t313, t314), R::product_error(Gamma2, t315)) + t201);
+            let A_Omega2_Omega3_over_mu_rho2 = -(t317 + t318);
+            let t319 = t252 + self.c11;
+            let t320 = R::sum_error(t252, self.c11) + t253;
+            let t321 = t319 + t320;
+            let t322 = t295 + t321;
+            let t323 = R::sum_error(t295, t321) + (t296 + R::sum_error(t319, t320));
+            let t324 = t322 + t323;
+            let t325 = t324 + t202;
+            let t326 = R::sum_error(t324, t202) + (R::sum_error(t322, t323) + t203);
+            let t327 = t325 + t326;
+            let t328 = t211 * self.c29;
+            let t329 = t328 + t327;
+            let t330 = R::sum_error(t328, t327) + (fma(self.c29, t210, fma(t211, self.c44, R::product_error(t211, self.c29))) + R::sum_error(t325, t326));
+            let A_Omega3_Omega3_over_mu_rho2 = t329 + t330;
             [
-                t176, t177, t178, t179, t180, t181, t193, A_alpha_dot_Omega3_over_mu_rho2, t207,
-                A_beta_dot_Omega1_over_mu_rho2, t215, A_beta_dot_Omega2_over_mu_rho2, t221, t222, t250, t251,
-                A_Omega1_Omega1_over_mu_rho2, t264, t265, A_Omega1_Omega2_over_mu_rho2, t271, t272,
-                A_Omega1_Omega3_over_mu_rho2, t289, t290, A_Omega2_Omega2_over_mu_rho2, t295, t296,
-                A_Omega2_Omega3_over_mu_rho2, t307, t308, A_Omega3_Omega3_over_mu_rho2,
+                t198, t199, t200, t201, t202, t203, t215, A_alpha_dot_Omega3_over_mu_rho2, t229,
+                A_beta_dot_Omega1_over_mu_rho2, t237, A_beta_dot_Omega2_over_mu_rho2, t243, t244, t272, t273,
+                A_Omega1_Omega1_over_mu_rho2, t286, t287, A_Omega1_Omega2_over_mu_rho2, t293, t294,
+                A_Omega1_Omega3_over_mu_rho2, t311, t312, A_Omega2_Omega2_over_mu_rho2, t317, t318,
+                A_Omega2_Omega3_over_mu_rho2, t329, t330, A_Omega3_Omega3_over_mu_rho2,
             ]
         };
         // right side f = W^T (r - L_yy lag)
         let [
-            t318, n_alpha_dot_over_mu_rho2, t346, n_beta_dot_over_mu_rho2, t374, t375, f_Omega1_over_mu_rho2, t394,
-            t395, f_Omega2_over_mu_rho2, t402, t403, f_Omega3_over_mu_rho2,
+            t340, n_alpha_dot_over_mu_rho2, t365, n_beta_dot_over_mu_rho2, t404, t405, f_Omega1_over_mu_rho2, t412,
+            t413, f_Omega2_over_mu_rho2, t419, t420, f_Omega3_over_mu_rho2,
         ] = {
-            let t309 = t9 * lag_X1_over_rho;
-            let t310 = t30 * lag_X2_over_rho;
-            let t311 = t309 - t310;
-            let t312 = fma(lag_X1_over_rho, t10, fma(t9, t160, R::product_error(t9, lag_X1_over_rho))) - fma(lag_X2_over_rho, t31, fma(t30, t165, R::product_error(t30, lag_X2_over_rho)));
-            let t313 = R::sum_error(t309, -t310) + t312;
-            let t314 = R::sum_error(t311, t313);
-            let t315 = t311 + t313;
-            let t316 = t315 + r_alpha_dot_over_mu_rho2;
-            let t317 = R::sum_error(t315, r_alpha_dot_over_mu_rho2) + (t314 + t151);
-            let t318 = R::sum_error(t316, t317);
-            let n_alpha_dot_over_mu_rho2 = t316 + t317;
-            let t319 = lag_X3_over_rho + a1_3_over_rho;
-            let t320 = R::sum_error(lag_X3_over_rho, a1_3_over_rho) + (R::sum_error(t168, t169) + R::sum_error(t121, t122));
-            let t321 = R::sum_error(t319, t320);
-            let t322 = t319 + t320;
-            let t323 = lag_X2_over_rho + a1_2_over_rho;
-            let t324 = R::sum_error(lag_X2_over_rho, a1_2_over_rho) + (t165 + t100);
-            let t325 = R::sum_error(t323, t324);
-            let t326 = t323 + t324;
-            let t327 = cos_beta * t326;
-            let t328 = fma(t326, t5, fma(cos_beta, t325, R::product_error(cos_beta, t326)));
-            let t329 = lag_X1_over_rho + a1_1_over_rho;
-            let t330 = R::sum_error(lag_X1_over_rho, a1_1_over_rho) + (t160 + t78);
-            let t331 = R::sum_error(t329, t330);
-            let t332 = t329 + t330;
-            let t333 = cos_beta * t332;
-            let t334 = fma(t332, t5, fma(cos_beta, t331, R::product_error(cos_beta, t332)));
-            let t335 = sin_beta * t322;
-            let t336 = t335 - t133;
-            let t337 = R::sum_error(t335, -t133) + (fma(t322, t4, fma(sin_beta, t321, R::product_error(sin_beta, t322))) - fma(self.c1, R::sum_error(t130, t131), R::product_error(self.c1, t132)));
-            let t338 = t336 + t337;
-            let t339 = sin_alpha * t327;
-            let t340 = t338 - t339;
-            let t341 = R::sum_error(t338, -t339) + (R::sum_error(t336, t337) - fma(t327, t7, fma(sin_alpha, t328, R::product_error(sin_alpha, t327))));
-            let t342 = t340 + t341;
-            let t343 = cos_alpha * t333;
-            let t344 = t342 - t343;
-            let t345 = R::sum_error(t342, -t343) + (R::sum_error(t340, t341) - fma(t333, t8, fma(cos_alpha, t334, R::product_error(cos_alpha, t333))));
-            let t346 = R::sum_error(t344, t345);
-            let n_beta_dot_over_mu_rho2 = t344 + t345;
-            let t347 = t315 + r_Omega3_over_mu_rho2;
-            let t348 = R::sum_error(t315, r_Omega3_over_mu_rho2) + (t314 + R::sum_error(t154, t155));
-            let n_Omega3_over_mu_rho2 = t347 + t348;
-            let t349 = self.c28 * Gamma3;
-            let t350 = fma(Gamma3, self.c41, R::product_error(self.c28, Gamma3));
-            let t351 = t322 * self.c0;
-            let t352 = t351 - t136;
-            let t353 = R::sum_error(t351, -t136) + (fma(self.c0, t321, fma(t322, self.c31, R::product_error(t322, self.c0))) - fma(self.c1, t5, R::product_error(self.c1, cos_beta)));
-            let t354 = R::sum_error(t352, t353);
-            let t355 = t352 + t353;
-            let t356 = Gamma3 * self.c29;
-            let t357 = t356 + t322;
-            let t358 = R::sum_error(t356, t322) + (R::product_error(Gamma3, self.c29) + t321);
-            let t359 = t357 + t358;
-            let t360 = self.c10 * Omega3;
-            let t361 = Omega2 * t360;
-            let t362 = t361 + t327;
-            let t363 = R::sum_error(t361, t327) + (R::product_error(Omega2, t360) + t328);
-            let t364 = t362 + t363;
-            let t365 = t326 * t349;
-            let t366 = t365 + t364;
-            let t367 = R::sum_error(t365, t364) + (fma(t349, t325, fma(t326, t350, R::product_error(t326, t349))) + R::sum_error(t362, t363));
-            let t368 = t366 + t367;
-            let t369 = Gamma2 * t355;
-            let t370 = t368 - t369;
-            let t371 = R::sum_error(t368, -t369) + (R::sum_error(t366, t367) - fma(Gamma2, t354, R::product_error(Gamma2, t355)));
-            let t372 = t370 + t371;
-            let t373 = t9 * t359;
-            let t374 = t372 - t373;
-            let t375 = R::sum_error(t372, -t373) + (R::sum_error(t370, t371) - fma(t359, t10, fma(t9, R::sum_error(t357, t358), R::product_error(t9, t359))));
-            let f_Omega1_over_mu_rho2 = t374 + t375;
-            let t376 = self.c11 * Omega3;
-            let t377 = Omega1 * t376;
-            let t378 = t377 - t333;
-            let t379 = R::sum_error(t377, -t333) + (R::product_error(Omega1, t376) - t334);
-            let t380 = t378 + t379;
-            let t381 = Gamma3 * t134;
-            let t382 = t381 + t380;
-            let t383 = R::sum_error(t381, t380) + (fma(Gamma3, t135, R::product_error(Gamma3, t134)) + R::sum_error(t378, t379));
+            let t331 = t9 * lag_X1_over_rho;
+            let t332 = t30 * lag_X2_over_rho;
+            let t333 = t331 - t332;
+            let t334 = fma(lag_X1_over_rho, t10, fma(t9, t178, R::product_error(t9, lag_X1_over_rho))) - fma(lag_X2_over_rho, t31, fma(t30, t186, R::product_error(t30, lag_X2_over_rho)));
+            let t335 = R::sum_error(t331, -t332) + t334;
+            let t336 = R::sum_error(t333, t335);
+            let t337 = t333 + t335;
+            let t338 = t337 + r_alpha_dot_over_mu_rho2;
+            let t339 = R::sum_error(t337, r_alpha_dot_over_mu_rho2) + (t336 + t153);
+            let t340 = R::sum_error(t338, t339);
+            let n_alpha_dot_over_mu_rho2 = t338 + t339;
+            let t341 = lag_X3_over_rho + a1_3_over_rho;
+            let t342 = R::sum_error(lag_X3_over_rho, a1_3_over_rho) + (t191 + t123);
+            let t343 = R::sum_error(t341, t342);
+            let t344 = t341 + t342;
+            let t345 = lag_X2_over_rho + a1_2_over_rho;
+            let t346 = R::sum_error(lag_X2_over_rho, a1_2_over_rho) + (t186 + t100);
+            let t347 = R::sum_error(t345, t346);
+            let t348 = t345 + t346;
+            let t349 = lag_X1_over_rho + a1_1_over_rho;
+            let t350 = R::sum_error(lag_X1_over_rho, a1_1_over_rho) + (t178 + t78);
+            let t351 = t349 + t350;
+            let t352 = sin_alpha * t348;
+            let t353 = cos_alpha * t351;
+            let t354 = t353 + t352;
+            let t355 = fma(t351, t8, fma(cos_alpha, R::sum_error(t349, t350), R::product_error(cos_alpha, t351))) + fma(t348, t7, fma(sin_alpha, t347, R::product_error(sin_alpha, t348)));
+            let t356 = R::sum_error(t353, t352) + t355;
+            let t357 = t354 + t356;
+            let t358 = sin_beta * t344;
+            let t359 = t358 - t134;
+            let t360 = R::sum_error(t358, -t134) + (fma(t344, t4, fma(sin_beta, t343, R::product_error(sin_beta, t344))) - fma(self.c1, R::sum_error(t131, t132), R::product_error(self.c1, t133)));
+            let t361 = t359 + t360;
+            let t362 = cos_beta * t357;
+            let t363 = t361 - t362;
+            let t364 = R::sum_error(t361, -t362) + (R::sum_error(t359, t360) - fma(t357, t5, fma(cos_beta, R::sum_error(t354, t356), R::product_error(cos_beta, t357))));
+            let t365 = R::sum_error(t363, t364);
+            let n_beta_dot_over_mu_rho2 = t363 + t364;
+            let t366 = cos_beta * lag_X1_over_rho;
+            let t367 = r_Omega2_over_mu_rho2 - t366;
+            let t368 = R::sum_error(r_Omega2_over_mu_rho2, -t366) + (R::sum_error(t168, t169) - fma(lag_X1_over_rho, t5, fma(cos_beta, t178, R::product_error(cos_beta, lag_X1_over_rho))));
+            let t369 = t367 + t368;
+            let t370 = t30 * lag_X3_over_rho;
+            let t371 = t370 + t369;
+            let t372 = R::sum_error(t370, t369) + (fma(lag_X3_over_rho, t31, fma(t30, t191, R::product_error(t30, lag_X3_over_rho))) + R::sum_error(t367, t368));
+            let n_Omega2_over_mu_rho2 = t371 + t372;
+            let t373 = t337 + r_Omega3_over_mu_rho2;
+            let t374 = R::sum_error(t337, r_Omega3_over_mu_rho2) + (t336 + R::sum_error(t172, t173));
+            let n_Omega3_over_mu_rho2 = t373 + t374;
+            let t375 = lag_X1_over_rho * self.c12;
+            let t376 = t375 + r_X1_over_mu_rho;
+            let t377 = R::sum_error(t375, r_X1_over_mu_rho) + (fma(self.c12, t178, fma(lag_X1_over_rho, self.c39, R::product_error(lag_X1_over_rho, self.c12))) + R::sum_error(t180, t181));
+            let t378 = R::sum_error(t376, t377);
+            let n_X1_over_mu_rho = t376 + t377;
+            let t379 = self.c30 * t348;
+            let t380 = fma(t348, self.c45, fma(self.c30, t347, R::product_error(self.c30, t348)));
+            let t381 = t9 * self.c31;
+            let t382 = t381 - t379;
+            let t383 = R::sum_error(t381, -t379) + (fma(self.c31, t10, R::product_error(t9, self.c31)) - t380);
             let t384 = t382 + t383;
-            let t385 = t30 * t322;
-            let t386 = t385 + t384;
-            let t387 = R::sum_error(t385, t384) + (fma(t322, t31, fma(t30, t321, R::product_error(t30, t322))) + R::sum_error(t382, t383));
-            let t388 = t386 + t387;
-            let t389 = t332 * t349;
-            let t390 = t388 - t389;
-            let t391 = R::sum_error(t388, -t389) + (R::sum_error(t386, t387) - fma(t349, t331, fma(t332, t350, R::product_error(t332, t349))));
-            let t392 = t390 + t391;
-            let t393 = Gamma1 * t355;
-            let t394 = t393 + t392;
-            let t395 = R::sum_error(t393, t392) + (fma(Gamma1, t354, R::product_error(Gamma1, t355)) + R::sum_error(t390, t391));
-            let f_Omega2_over_mu_rho2 = t394 + t395;
-            let t396 = Gamma1 * t326;
-            let t397 = Gamma2 * t332;
-            let t398 = t396 - t397;
-            let t399 = R::sum_error(t396, -t397) + (fma(Gamma1, t325, R::product_error(Gamma1, t326)) - fma(Gamma2, t331, R::product_error(Gamma2, t332)));
-            let t400 = t398 + t399;
-            let t401 = self.c30 * t400;
-            let t402 = n_Omega3_over_mu_rho2 - t401;
-            let t403 = R::sum_error(n_Omega3_over_mu_rho2, -t401) + (R::sum_error(t347, t348) - fma(t400, self.c42, fma(self.c30, R::sum_error(t398, t399), R::product_error(self.c30, t400))));
-            let f_Omega3_over_mu_rho2 = t402 + t403;
+            let t385 = self.c0 * Gamma2;
+            let t386 = fma(Gamma2, self.c33, R::product_error(self.c0, Gamma2));
+            let t387 = t385 + t9;
+            let t388 = R::sum_error(t385, t9) + (t386 + t10);
+            let t389 = t387 + t388;
+            let t390 = self.c13 * Omega3 * Omega2;
+            let t391 = Gamma2 * t137;
+            let t392 = t391 + t390;
+            let t393 = R::sum_error(t391, t390) + fma(Gamma2, t138, R::product_error(Gamma2, t137));
+            let t394 = t392 + t393;
+            let t395 = cos_beta * t348;
+            let t396 = t395 + t394;
+            let t397 = R::sum_error(t395, t394) + (fma(t348, t5, fma(cos_beta, t347, R::product_error(cos_beta, t348))) + R::sum_error(t392, t393));
+            let t398 = t396 + t397;
+            let t399 = t344 * t389;
+            let t400 = t398 - t399;
+            let t401 = R::sum_error(t398, -t399) + (R::sum_error(t396, t397) - fma(t389, t343, fma(t344, R::sum_error(t387, t388), R::product_error(t344, t389))));
+            let t402 = t400 + t401;
+            let t403 = Gamma3 * t384;
+            let t404 = t402 - t403;
+            let t405 = R::sum_error(t402, -t403) + (R::sum_error(t400, t401) - fma(Gamma3, R::sum_error(t382, t383), R::product_error(Gamma3, t384)));
+            let f_Omega1_over_mu_rho2 = t404 + t405;
+            let t406 = Gamma1 * t344;
+            let t407 = Gamma3 * n_X1_over_mu_rho;
+            let t408 = t407 + t406;
+            let t409 = R::sum_error(t407, t406) + (fma(Gamma3, t378, R::product_error(Gamma3, n_X1_over_mu_rho)) + fma(Gamma1, t343, R::product_error(Gamma1, t344)));
+            let t410 = t408 + t409;
+            let t411 = self.c32 * t410;
+            let t412 = t411 + n_Omega2_over_mu_rho2;
+            let t413 = R::sum_error(t411, n_Omega2_over_mu_rho2) + (fma(t410, self.c46, fma(self.c32, R::sum_error(t408, t409), R::product_error(self.c32, t410))) + R::sum_error(t371, t372));
+            let f_Omega2_over_mu_rho2 = t412 + t413;
+            let t414 = Gamma1 * t379;
+            let t415 = n_Omega3_over_mu_rho2 - t414;
+            let t416 = R::sum_error(n_Omega3_over_mu_rho2, -t414) + (R::sum_error(t373, t374) - fma(Gamma1, t380, R::product_error(Gamma1, t379)));
+            let t417 = t415 + t416;
+            let t418 = n_X1_over_mu_rho * t385;
+            let t419 = t417 - t418;
+            let t420 = R::sum_error(t417, -t418) + (R::sum_error(t415, t416) - fma(t385, t378, fma(n_X1_over_mu_rho, t386, R::product_error(n_X1_over_mu_rho, t385))));
+            let f_Omega3_over_mu_rho2 = t419 + t420;
             [
-                t318, n_alpha_dot_over_mu_rho2, t346, n_beta_dot_over_mu_rho2, t374, t375, f_Omega1_over_mu_rho2, t394,
-                t395, f_Omega2_over_mu_rho2, t402, t403, f_Omega3_over_mu_rho2,
+                t340, n_alpha_dot_over_mu_rho2, t365, n_beta_dot_over_mu_rho2, t404, t405, f_Omega1_over_mu_rho2, t412,
+                t413, f_Omega2_over_mu_rho2, t419, t420, f_Omega3_over_mu_rho2,
             ]
         };
         // factors of A
         let [
-            t425, t427, t428, t429, t430, A_l5_1, t431, t452, t453, A_l4_3, t454, A_l5_3, t455, t466, t467, A_l5_4,
-            t468, t470, t471, A_s4_5_5_over_mu_rho2,
+            t442, t444, t445, t446, t447, A_l5_1, t448, t469, t470, A_l4_3, t471, A_l5_3, t472, t483, t484, A_l5_4,
+            t485, t487, t488, A_s4_5_5_over_mu_rho2,
         ] = {
-            let t404 = A_beta_dot_Omega1_over_mu_rho2 * A_beta_dot_Omega1_over_mu_rho2;
-            let t405 = fma(A_beta_dot_Omega1_over_mu_rho2, t207, fma(A_beta_dot_Omega1_over_mu_rho2, t207, R::product_error(A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega1_over_mu_rho2)));
-            let t406 = A_Omega1_Omega1_over_mu_rho2 - t404;
-            let t407 = R::sum_error(A_Omega1_Omega1_over_mu_rho2, -t404) + (R::sum_error(t250, t251) - t405);
-            let A_s2_3_3_over_mu_rho2 = t406 + t407;
-            let t408 = A_beta_dot_Omega1_over_mu_rho2 * A_beta_dot_Omega2_over_mu_rho2;
-            let t409 = fma(A_beta_dot_Omega2_over_mu_rho2, t207, fma(A_beta_dot_Omega1_over_mu_rho2, t215, R::product_error(A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2)));
-            let t410 = A_Omega1_Omega2_over_mu_rho2 - t408;
-            let t411 = R::sum_error(A_Omega1_Omega2_over_mu_rho2, -t408) + (-R::sum_error(t264, t265) - t409);
-            let A_s2_3_4_over_mu_rho2 = t410 + t411;
-            let t412 = A_beta_dot_Omega1_over_mu_rho2 * t221;
-            let t413 = t412 + A_Omega1_Omega3_over_mu_rho2;
-            let t414 = R::sum_error(t412, A_Omega1_Omega3_over_mu_rho2) + (fma(t221, t207, fma(A_beta_dot_Omega1_over_mu_rho2, t222, R::product_error(A_beta_dot_Omega1_over_mu_rho2, t221))) + R::sum_error(t271, t272));
-            let A_s2_3_5_over_mu_rho2 = t413 + t414;
-            let t415 = A_beta_dot_Omega2_over_mu_rho2 * A_beta_dot_Omega2_over_mu_rho2;
-            let t416 = fma(A_beta_dot_Omega2_over_mu_rho2, t215, fma(A_beta_dot_Omega2_over_mu_rho2, t215, R::product_error(A_beta_dot_Omega2_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2)));
-            let t417 = A_Omega2_Omega2_over_mu_rho2 - t415;
-            let t418 = R::sum_error(A_Omega2_Omega2_over_mu_rho2, -t415) + (R::sum_error(t289, t290) - t416);
-            let A_s2_4_4_over_mu_rho2 = t417 + t418;
-            let t419 = A_beta_dot_Omega2_over_mu_rho2 * t221;
-            let t420 = t419 + A_Omega2_Omega3_over_mu_rho2;
-            let t421 = R::sum_error(t419, A_Omega2_Omega3_over_mu_rho2) + (fma(t221, t215, fma(A_beta_dot_Omega2_over_mu_rho2, t222, R::product_error(A_beta_dot_Omega2_over_mu_rho2, t221))) + -R::sum_error(t295, t296));
-            let A_s2_4_5_over_mu_rho2 = t420 + t421;
-            let t422 = t221 * t221;
-            let t423 = A_Omega3_Omega3_over_mu_rho2 - t422;
-            let t424 = R::sum_error(A_Omega3_Omega3_over_mu_rho2, -t422) + (R::sum_error(t307, t308) - fma(t221, t222, fma(t221, t222, R::product_error(t221, t221))));
-            let A_s2_5_5_over_mu_rho2 = t423 + t424;
-            let t425 = t180.recip();
-            let t426 = fma(-t425, t181, R::ONE - t425 * t180 - R::product_error(t425, t180)) / t180;
-            let t427 = t176 * t425;
-            let t428 = fma(t425, t177, fma(t176, t426, R::product_error(t176, t425)));
-            let t429 = t178 * t425;
-            let t430 = fma(t425, t179, fma(t178, t426, R::product_error(t178, t425)));
-            let A_l5_1 = A_alpha_dot_Omega3_over_mu_rho2 * t425;
-            let t431 = fma(t425, t193, fma(A_alpha_dot_Omega3_over_mu_rho2, t426, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, t425)));
-            let t432 = t176 * t427;
-            let t433 = A_s2_3_3_over_mu_rho2 - t432;
-            let t434 = R::sum_error(A_s2_3_3_over_mu_rho2, -t432) + (R::sum_error(t406, t407) - fma(t427, t177, fma(t176, t428, R::product_error(t176, t427))));
-            let A_s1_3_3_over_mu_rho2 = t433 + t434;
-            let t435 = t178 * t427;
-            let t436 = A_s2_3_4_over_mu_rho2 - t435;
-            let t437 = R::sum_error(A_s2_3_4_over_mu_rho2, -t435) + (R::sum_error(t410, t411) - fma(t427, t179, fma(t178, t428, R::product_error(t178, t427))));
-            let t438 = R::sum_error(t436, t437);
-            let A_s1_3_4_over_mu_rho2 = t436 + t437;
-            let t439 = A_alpha_dot_Omega3_over_mu_rho2 * t427;
-            let t440 = t439 + A_s2_3_5_over_mu_rho2;
-            let t441 = R::sum_error(t439, A_s2_3_5_over_mu_rho2) + (fma(t427, t193, fma(A_alpha_dot_Omega3_over_mu_rho2, t428, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, t427))) + R::sum_error(t413, t414));
-            let t442 = R::sum_error(t440, t441);
-            let A_s1_3_5_over_mu_rho2 = t440 + t441;
-            let t443 = t178 * t429;
-            let t444 = A_s2_4_4_over_mu_rho2 - t443;
-            let t445 = R::sum_error(A_s2_4_4_over_mu_rho2, -t443) + (R::sum_error(t417, t418) - fma(t429, t179, fma(t178, t430, R::product_error(t178, t429))));
-            let A_s1_4_4_over_mu_rho2 = t444 + t445;
-            let t446 = A_alpha_dot_Omega3_over_mu_rho2 * t429;
-            let t447 = t446 + A_s2_4_5_over_mu_rho2;
-            let t448 = R::sum_error(t446, A_s2_4_5_over_mu_rho2) + (fma(t429, t193, fma(A_alpha_dot_Omega3_over_mu_rho2, t430, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, t429))) + R::sum_error(t420, t421));
-            let A_s1_4_5_over_mu_rho2 = t447 + t448;
-            let t449 = A_alpha_dot_Omega3_over_mu_rho2 * A_l5_1;
-            let t450 = A_s2_5_5_over_mu_rho2 - t449;
-            let t451 = R::sum_error(A_s2_5_5_over_mu_rho2, -t449) + (R::sum_error(t423, t424) - fma(A_l5_1, t193, fma(A_alpha_dot_Omega3_over_mu_rho2, t431, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, A_l5_1))));
-            let A_s1_5_5_over_mu_rho2 = t450 + t451;
-            let t452 = A_s1_3_3_over_mu_rho2.recip();
-            let t453 = fma(-t452, R::sum_error(t433, t434), R::ONE - t452 * A_s1_3_3_over_mu_rho2 - R::product_error(t452, A_s1_3_3_over_mu_rho2)) / A_s1_3_3_over_mu_rho2;
-            let A_l4_3 = A_s1_3_4_over_mu_rho2 * t452;
-            let t454 = fma(t452, t438, fma(A_s1_3_4_over_mu_rho2, t453, R::product_error(A_s1_3_4_over_mu_rho2, t452)));
-            let A_l5_3 = A_s1_3_5_over_mu_rho2 * t452;
-            let t455 = fma(t452, t442, fma(A_s1_3_5_over_mu_rho2, t453, R::product_error(A_s1_3_5_over_mu_rho2, t452)));
-            let t456 = A_s1_3_4_over_mu_rho2 * A_l4_3;
-            let t457 = A_s1_4_4_over_mu_rho2 - t456;
-            let t458 = R::sum_error(A_s1_4_4_over_mu_rho2, -t456) + (R::sum_error(t444, t445) - fma(A_l4_3, t438, fma(A_s1_3_4_over_mu_rho2, t454, R::product_error(A_s1_3_4_over_mu_rho2, A_l4_3))));
-            let A_s3_4_4_over_mu_rho2 = t457 + t458;
-            let t459 = A_s1_3_5_over_mu_rho2 * A_l4_3;
-            let t460 = A_s1_4_5_over_mu_rho2 - t459;
-            let t461 = R::sum_error(A_s1_4_5_over_mu_rho2, -t459) + (R::sum_error(t447, t448) - fma(A_l4_3, t442, fma(A_s1_3_5_over_mu_rho2, t454, R::product_error(A_s1_3_5_over_mu_rho2, A_l4_3))));
-            let t462 = R::sum_error(t460, t461);
-            let A_s3_4_5_over_mu_rho2 = t460 + t461;
-            let t463 = A_s1_3_5_over_mu_rho2 * A_l5_3;
-            let t464 = A_s1_5_5_over_mu_rho2 - t463;
-            let t465 = R::sum_error(A_s1_5_5_over_mu_rho2, -t463) + (R::sum_error(t450, t451) - fma(A_l5_3, t442, fma(A_s1_3_5_over_mu_rho2, t455, R::product_error(A_s1_3_5_over_mu_rho2, A_l5_3))));
-            let A_s3_5_5_over_mu_rho2 = t464 + t465;
-            let t466 = A_s3_4_4_over_mu_rho2.recip();
-            let t467 = fma(-t466, R::sum_error(t457, t458), R::ONE - t466 * A_s3_4_4_over_mu_rho2 - R::product_error(t466, A_s3_4_4_over_mu_rho2)) / A_s3_4_4_over_mu_rho2;
-            let A_l5_4 = A_s3_4_5_over_mu_rho2 * t466;
-            let t468 = fma(t466, t462, fma(A_s3_4_5_over_mu_rho2, t467, R::product_error(A_s3_4_5_over_mu_rho2, t466)));
-            let t469 = A_s3_4_5_over_mu_rho2 * A_l5_4;
-            let t470 = A_s3_5_5_over_mu_rho2 - t469;
-            let t471 = R::sum_error(A_s3_5_5_over_mu_rho2, -t469) + (R::sum_error(t464, t465) - fma(A_l5_4, t462, fma(A_s3_4_5_over_mu_rho2, t468, R::product_error(A_s3_4_5_over_mu_rho2, A_l5_4))));
-            let A_s4_5_5_over_mu_rho2 = t470 + t471;
+            let t421 = A_beta_dot_Omega1_over_mu_rho2 * A_beta_dot_Omega1_over_mu_rho2;
+            let t422 = fma(A_beta_dot_Omega1_over_mu_rho2, t229, fma(A_beta_dot_Omega1_over_mu_rho2, t229, R::product_error(A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega1_over_mu_rho2)));
+            let t423 = A_Omega1_Omega1_over_mu_rho2 - t421;
+            let t424 = R::sum_error(A_Omega1_Omega1_over_mu_rho2, -t421) + (R::sum_error(t272, t273) - t422);
+            let A_s2_3_3_over_mu_rho2 = t423 + t424;
+            let t425 = A_beta_dot_Omega1_over_mu_rho2 * A_beta_dot_Omega2_over_mu_rho2;
+            let t426 = fma(A_beta_dot_Omega2_over_mu_rho2, t229, fma(A_beta_dot_Omega1_over_mu_rho2, t237, R::product_error(A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2)));
+            let t427 = A_Omega1_Omega2_over_mu_rho2 - t425;
+            let t428 = R::sum_error(A_Omega1_Omega2_over_mu_rho2, -t425) + (-R::sum_error(t286, t287) - t426);
+            let A_s2_3_4_over_mu_rho2 = t427 + t428;
+            let t429 = A_beta_dot_Omega1_over_mu_rho2 * t243;
+            let t430 = t429 + A_Omega1_Omega3_over_mu_rho2;
+            let t431 = R::sum_error(t429, A_Omega1_Omega3_over_mu_rho2) + (fma(t243, t229, fma(A_beta_dot_Omega1_over_mu_rho2, t244, R::product_error(A_beta_dot_Omega1_over_mu_rho2, t243))) + R::sum_error(t293, t294));
+            let A_s2_3_5_over_mu_rho2 = t430 + t431;
+            let t432 = A_beta_dot_Omega2_over_mu_rho2 * A_beta_dot_Omega2_over_mu_rho2;
+            let t433 = fma(A_beta_dot_Omega2_over_mu_rho2, t237, fma(A_beta_dot_Omega2_over_mu_rho2, t237, R::product_error(A_beta_dot_Omega2_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2)));
+            let t434 = A_Omega2_Omega2_over_mu_rho2 - t432;
+            let t435 = R::sum_error(A_Omega2_Omega2_over_mu_rho2, -t432) + (R::sum_error(t311, t312) - t433);
+            let A_s2_4_4_over_mu_rho2 = t434 + t435;
+            let t436 = A_beta_dot_Omega2_over_mu_rho2 * t243;
+            let t437 = t436 + A_Omega2_Omega3_over_mu_rho2;
+            let t438 = R::sum_error(t436, A_Omega2_Omega3_over_mu_rho2) + (fma(t243, t237, fma(A_beta_dot_Omega2_over_mu_rho2, t244, R::product_error(A_beta_dot_Omega2_over_mu_rho2, t243))) + -R::sum_error(t317, t318));
+            let A_s2_4_5_over_mu_rho2 = t437 + t438;
+            let t439 = t243 * t243;
+            let t440 = A_Omega3_Omega3_over_mu_rho2 - t439;
+            let t441 = R::sum_error(A_Omega3_Omega3_over_mu_rho2, -t439) + (R::sum_error(t329, t330) - fma(t243, t244, fma(t243, t244, R::product_error(t243, t243))));
+            let A_s2_5_5_over_mu_rho2 = t440 + t441;
+            let t442 = t202.recip();
+            let t443 = fma(-t442, t203, R::ONE - t442 * t202 - R::product_error(t442, t202)) / t202;
+            let t444 = t198 * t442;
+            let t445 = fma(t442, t199, fma(t198, t443, R::product_error(t198, t442)));
+            let t446 = t200 * t442;
+            let t447 = fma(t442, t201, fma(t200, t443, R::product_error(t200, t442)));
+            let A_l5_1 = A_alpha_dot_Omega3_over_mu_rho2 * t442;
+            let t448 = fma(t442, t215, fma(A_alpha_dot_Omega3_over_mu_rho2, t443, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, t442)));
+            let t449 = t198 * t444;
+            let t450 = A_s2_3_3_over_mu_rho2 - t449;
+            let t451 = R::sum_error(A_s2_3_3_over_mu_rho2, -t449) + (R::sum_error(t423, t424) - fma(t444, t199, fma(t198, t445, R::product_error(t198, t444))));
+            let A_s1_3_3_over_mu_rho2 = t450 + t451;
+            let t452 = t200 * t444;
+            let t453 = A_s2_3_4_over_mu_rho2 - t452;
+            let t454 = R::sum_error(A_s2_3_4_over_mu_rho2, -t452) + (R::sum_error(t427, t428) - fma(t444, t201, fma(t200, t445, R::product_error(t200, t444))));
+            let t455 = R::sum_error(t453, t454);
+            let A_s1_3_4_over_mu_rho2 = t453 + t454;
+            let t456 = A_alpha_dot_Omega3_over_mu_rho2 * t444;
+            let t457 = t456 + A_s2_3_5_over_mu_rho2;
+            let t458 = R::sum_error(t456, A_s2_3_5_over_mu_rho2) + (fma(t444, t215, fma(A_alpha_dot_Omega3_over_mu_rho2, t445, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, t444))) + R::sum_error(t430, t431));
+            let t459 = R::sum_error(t457, t458);
+            let A_s1_3_5_over_mu_rho2 = t457 + t458;
+            let t460 = t200 * t446;
+            let t461 = A_s2_4_4_over_mu_rho2 - t460;
+            let t462 = R::sum_error(A_s2_4_4_over_mu_rho2, -t460) + (R::sum_error(t434, t435) - fma(t446, t201, fma(t200, t447, R::product_error(t200, t446))));
+            let A_s1_4_4_over_mu_rho2 = t461 + t462;
+            let t463 = A_alpha_dot_Omega3_over_mu_rho2 * t446;
+            let t464 = t463 + A_s2_4_5_over_mu_rho2;
+            let t465 = R::sum_error(t463, A_s2_4_5_over_mu_rho2) + (fma(t446, t215, fma(A_alpha_dot_Omega3_over_mu_rho2, t447, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, t446))) + R::sum_error(t437, t438));
+            let A_s1_4_5_over_mu_rho2 = t464 + t465;
+            let t466 = A_alpha_dot_Omega3_over_mu_rho2 * A_l5_1;
+            let t467 = A_s2_5_5_over_mu_rho2 - t466;
+            let t468 = R::sum_error(A_s2_5_5_over_mu_rho2, -t466) + (R::sum_error(t440, t441) - fma(A_l5_1, t215, fma(A_alpha_dot_Omega3_over_mu_rho2, t448, R::product_error(A_alpha_dot_Omega3_over_mu_rho2, A_l5_1))));
+            let A_s1_5_5_over_mu_rho2 = t467 + t468;
+            let t469 = A_s1_3_3_over_mu_rho2.recip();
+            let t470 = fma(-t469, R::sum_error(t450, t451), R::ONE - t469 * A_s1_3_3_over_mu_rho2 - R::product_error(t469, A_s1_3_3_over_mu_rho2)) / A_s1_3_3_over_mu_rho2;
+            let A_l4_3 = A_s1_3_4_over_mu_rho2 * t469;
+            let t471 = fma(t469, t455, fma(A_s1_3_4_over_mu_rho2, t470, R::product_error(A_s1_3_4_over_mu_rho2, t469)));
+            let A_l5_3 = A_s1_3_5_over_mu_rho2 * t469;
+            let t472 = fma(t469, t459, fma(A_s1_3_5_over_mu_rho2, t470, R::product_error(A_s1_3_5_over_mu_rho2, t469)));
+            let t473 = A_s1_3_4_over_mu_rho2 * A_l4_3;
+            let t474 = A_s1_4_4_over_mu_rho2 - t473;
+            let t475 = R::sum_error(A_s1_4_4_over_mu_rho2, -t473) + (R::sum_error(t461, t462) - fma(A_l4_3, t455, fma(A_s1_3_4_over_mu_rho2, t471, R::product_error(A_s1_3_4_over_mu_rho2, A_l4_3))));
+            let A_s3_4_4_over_mu_rho2 = t474 + t475;
+            let t476 = A_s1_3_5_over_mu_rho2 * A_l4_3;
+            let t477 = A_s1_4_5_over_mu_rho2 - t476;
+            let t478 = R::sum_error(A_s1_4_5_over_mu_rho2, -t476) + (R::sum_error(t464, t465) - fma(A_l4_3, t459, fma(A_s1_3_5_over_mu_rho2, t471, R::product_error(A_s1_3_5_over_mu_rho2, A_l4_3))));
+            let t479 = R::sum_error(t477, t478);
+            let A_s3_4_5_over_mu_rho2 = t477 + t478;
+            let t480 = A_s1_3_5_over_mu_rho2 * A_l5_3;
+            let t481 = A_s1_5_5_over_mu_rho2 - t480;
+            let t482 = R::sum_error(A_s1_5_5_over_mu_rho2, -t480) + (R::sum_error(t467, t468) - fma(A_l5_3, t459, fma(A_s1_3_5_over_mu_rho2, t472, R::product_error(A_s1_3_5_over_mu_rho2, A_l5_3))));
+            let A_s3_5_5_over_mu_rho2 = t481 + t482;
+            let t483 = A_s3_4_4_over_mu_rho2.recip();
+            let t484 = fma(-t483, R::sum_error(t474, t475), R::ONE - t483 * A_s3_4_4_over_mu_rho2 - R::product_error(t483, A_s3_4_4_over_mu_rho2)) / A_s3_4_4_over_mu_rho2;
+            let A_l5_4 = A_s3_4_5_over_mu_rho2 * t483;
+            let t485 = fma(t483, t479, fma(A_s3_4_5_over_mu_rho2, t484, R::product_error(A_s3_4_5_over_mu_rho2, t483)));
+            let t486 = A_s3_4_5_over_mu_rho2 * A_l5_4;
+            let t487 = A_s3_5_5_over_mu_rho2 - t486;
+            let t488 = R::sum_error(A_s3_5_5_over_mu_rho2, -t486) + (R::sum_error(t481, t482) - fma(A_l5_4, t479, fma(A_s3_4_5_over_mu_rho2, t485, R::product_error(A_s3_4_5_over_mu_rho2, A_l5_4))));
+            let A_s4_5_5_over_mu_rho2 = t487 + t488;
             [
-                t425, t427, t428, t429, t430, A_l5_1, t431, t452, t453, A_l4_3, t454, A_l5_3, t455, t466, t467, A_l5_4,
-                t468, t470, t471, A_s4_5_5_over_mu_rho2,
+                t442, t444, t445, t446, t447, A_l5_1, t448, t469, t470, A_l4_3, t471, A_l5_3, t472, t483, t484, A_l5_4,
+                t485, t487, t488, A_s4_5_5_over_mu_rho2,
             ]
         };
         // substitution through the factors of A
         let [dot_alpha_dot_2, dot_beta_dot_2, dot_Omega1_2, dot_Omega2_2, dot_Omega3_2] = {
-            let t472 = n_alpha_dot_over_mu_rho2 * t427;
-            let t473 = t472 + f_Omega1_over_mu_rho2;
-            let t474 = R::sum_error(t472, f_Omega1_over_mu_rho2) + (fma(t427, t318, fma(n_alpha_dot_over_mu_rho2, t428, R::product_error(n_alpha_dot_over_mu_rho2, t427))) + R::sum_error(t374, t375));
-            let t475 = t473 + t474;
-            let t476 = A_beta_dot_Omega1_over_mu_rho2 * n_beta_dot_over_mu_rho2;
-            let t477 = t475 - t476;
-            let t478 = R::sum_error(t473, t474) - fma(n_beta_dot_over_mu_rho2, t207, fma(A_beta_dot_Omega1_over_mu_rho2, t346, R::product_error(A_beta_dot_Omega1_over_mu_rho2, n_beta_dot_over_mu_rho2)));
-            let t479 = R::sum_error(t475, -t476) + t478;
-            let t480 = R::sum_error(t477, t479);
-            let z_Omega1_over_mu_rho2 = t477 + t479;
-            let t481 = n_alpha_dot_over_mu_rho2 * t429;
-            let t482 = t481 + f_Omega2_over_mu_rho2;
-            let t483 = R::sum_error(t481, f_Omega2_over_mu_rho2) + (fma(t429, t318, fma(n_alpha_dot_over_mu_rho2, t430, R::product_error(n_alpha_dot_over_mu_rho2, t429))) + R::sum_error(t394, t395));
-            let t484 = t482 + t483;
-            let t485 = A_beta_dot_Omega2_over_mu_rho2 * n_beta_dot_over_mu_rho2;
-            let t486 = t484 - t485;
-            let t487 = R::sum_error(t482, t483) - fma(n_beta_dot_over_mu_rho2, t215, fma(A_beta_dot_Omega2_over_mu_rho2, t346, R::product_error(A_beta_dot_Omega2_over_mu_rho2, n_beta_dot_over_mu_rho2)));
-            let t488 = R::sum_error(t484, -t485) + t487;
-            let t489 = t486 + t488;
-            let t490 = A_l4_3 * z_Omega1_over_mu_rho2;
-            let t491 = t489 - t490;
-            let t492 = R::sum_error(t489, -t490) + (R::sum_error(t486, t488) - fma(z_Omega1_over_mu_rho2, t454, fma(A_l4_3, t480, R::product_error(A_l4_3, z_Omega1_over_mu_rho2))));
-            let t493 = R::sum_error(t491, t492);
-            let z_Omega2_over_mu_rho2 = t491 + t492;
-            let t494 = n_alpha_dot_over_mu_rho2 * A_l5_1;
-            let t495 = f_Omega3_over_mu_rho2 - t494;
-            let t496 = R::sum_error(f_Omega3_over_mu_rho2, -t494) + (R::sum_error(t402, t403) - fma(A_l5_1, t318, fma(n_alpha_dot_over_mu_rho2, t431, R::product_error(n_alpha_dot_over_mu_rho2, A_l5_1))));
-            let t497 = t495 + t496;
-            let t498 = t221 * n_beta_dot_over_mu_rho2;
-            let t499 = t498 + t497;
-            let t500 = R::sum_error(t498, t497) + (fma(n_beta_dot_over_mu_rho2, t222, fma(t221, t346, R::product_error(t221, n_beta_dot_over_mu_rho2))) + R::sum_error(t495, t496));
+            let t489 = n_alpha_dot_over_mu_rho2 * t444;
+            let t490 = t489 + f_Omega1_over_mu_rho2;
+            let t491 = R::sum_error(t489, f_Omega1_over_mu_rho2) + (fma(t444, t340, fma(n_alpha_dot_over_mu_rho2, t445, R::product_error(n_alpha_dot_over_mu_rho2, t444))) + R::sum_error(t404, t405));
+            let t492 = t490 + t491;
+            let t493 = A_beta_dot_Omega1_over_mu_rho2 * n_beta_dot_over_mu_rho2;
+            let t494 = t492 - t493;
+            let t495 = R::sum_error(t490, t491) - fma(n_beta_dot_over_mu_rho2, t229, fma(A_beta_dot_Omega1_over_mu_rho2, t365, R::product_error(A_beta_dot_Omega1_over_mu_rho2, n_beta_dot_over_mu_rho2)));
+            let t496 = R::sum_error(t492, -t493) + t495;
+            let t497 = R::sum_error(t494, t496);
+            let z_Omega1_over_mu_rho2 = t494 + t496;
+            let t498 = n_alpha_dot_over_mu_rho2 * t446;
+            let t499 = t498 + f_Omega2_over_mu_rho2;
+            let t500 = R::sum_error(t498, f_Omega2_over_mu_rho2) + (fma(t446, t340, fma(n_alpha_dot_over_mu_rho2, t447, R::product_error(n_alpha_dot_over_mu_rho2, t446))) + R::sum_error(t412, t413));
             let t501 = t499 + t500;
-            let t502 = A_l5_3 * z_Omega1_over_mu_rho2;
+            let t502 = A_beta_dot_Omega2_over_mu_rho2 * n_beta_dot_over_mu_rho2;
             let t503 = t501 - t502;
-            let t504 = R::sum_error(t501, -t502) + (R::sum_error(t499, t500) - fma(z_Omega1_over_mu_rho2, t455, fma(A_l5_3, t480, R::product_error(A_l5_3, z_Omega1_over_mu_rho2))));
-            let t505 = t503 + t504;
-            let t506 = A_l5_4 * z_Omega2_over_mu_rho2;
-            let t507 = t505 - t506;
-            let t508 = R::sum_error(t505, -t506) + (R::sum_error(t503, t504) - fma(z_Omega2_over_mu_rho2, t468, fma(A_l5_4, t493, R::product_error(A_l5_4, z_Omega2_over_mu_rho2))));
-            let z_Omega3_over_mu_rho2 = t507 + t508;
-            let dot_Omega3 = z_Omega3_over_mu_rho2 / A_s4_5_5_over_mu_rho2;
-            let t509 = fma(-dot_Omega3, R::sum_error(t470, t471), z_Omega3_over_mu_rho2 - dot_Omega3 * A_s4_5_5_over_mu_rho2 - R::product_error(dot_Omega3, A_s4_5_5_over_mu_rho2) + R::sum_error(t507, t508));
-            let t510 = t509 / A_s4_5_5_over_mu_rho2;
-            let t511 = z_Omega2_over_mu_rho2 * t466;
-            let t512 = A_l5_4 * dot_Omega3;
-            let t513 = t511 - t512;
-            let t514 = fma(t466, t493, fma(z_Omega2_over_mu_rho2, t467, R::product_error(z_Omega2_over_mu_rho2, t466))) - fma(dot_Omega3, t468, fma(A_l5_4, t510, R::product_error(A_l5_4, dot_Omega3)));
-            let t515 = R::sum_error(t511, -t512) + t514;
-            let t516 = R::sum_error(t513, t515);
-            let dot_Omega2 = t513 + t515;
-            let t517 = z_Omega1_over_mu_rho2 * t452;
-            let t518 = A_l5_3 * dot_Omega3;
-            let t519 = t517 - t518;
-            let t520 = fma(t452, t480, fma(z_Omega1_over_mu_rho2, t453, R::product_error(z_Omega1_over_mu_rho2, t452))) - fma(dot_Omega3, t455, fma(A_l5_3, t510, R::product_error(A_l5_3, dot_Omega3)));
-            let t521 = R::sum_error(t517, -t518) + t520;
-            let t522 = t519 + t521;
-            let t523 = A_l4_3 * dot_Omega2;
+            let t504 = R::sum_error(t499, t500) - fma(n_beta_dot_over_mu_rho2, t237, fma(A_beta_dot_Omega2_over_mu_rho2, t365, R::product_error(A_beta_dot_Omega2_over_mu_rho2, n_beta_dot_over_mu_rho2)));
+            let t505 = R::sum_error(t501, -t502) + t504;
+            let t506 = t503 + t505;
+            let t507 = A_l4_3 * z_Omega1_over_mu_rho2;
+            let t508 = t506 - t507;
+            let t509 = R::sum_error(t506, -t507) + (R::sum_error(t503, t505) - fma(z_Omega1_over_mu_rho2, t471, fma(A_l4_3, t497, R::product_error(A_l4_3, z_Omega1_over_mu_rho2))));
+            let t510 = R::sum_error(t508, t509);
+            let z_Omega2_over_mu_rho2 = t508 + t509;
+            let t511 = n_alpha_dot_over_mu_rho2 * A_l5_1;
+            let t512 = f_Omega3_over_mu_rho2 - t511;
+            let t513 = R::sum_error(f_Omega3_over_mu_rho2, -t511) + (R::sum_error(t419, t420) - fma(A_l5_1, t340, fma(n_alpha_dot_over_mu_rho2, t448, R::product_error(n_alpha_dot_over_mu_rho2, A_l5_1))));
+            let t514 = t512 + t513;
+            let t515 = t243 * n_beta_dot_over_mu_rho2;
+            let t516 = t515 + t514;
+            let t517 = R::sum_error(t515, t514) + (fma(n_beta_dot_over_mu_rho2, t244, fma(t243, t365, R::product_error(t243, n_beta_dot_over_mu_rho2))) + R::sum_error(t512, t513));
+            let t518 = t516 + t517;
+            let t519 = A_l5_3 * z_Omega1_over_mu_rho2;
+            let t520 = t518 - t519;
+            let t521 = R::sum_error(t518, -t519) + (R::sum_error(t516, t517) - fma(z_Omega1_over_mu_rho2, t472, fma(A_l5_3, t497, R::product_error(A_l5_3, z_Omega1_over_mu_rho2))));
+            let t522 = t520 + t521;
+            let t523 = A_l5_4 * z_Omega2_over_mu_rho2;
             let t524 = t522 - t523;
-            let t525 = R::sum_error(t522, -t523) + (R::sum_error(t519, t521) - fma(dot_Omega2, t454, fma(A_l4_3, t516, R::product_error(A_l4_3, dot_Omega2))));
-            let t526 = R::sum_error(t524, t525);
-            let dot_Omega1 = t524 + t525;
-            let t527 = n_alpha_dot_over_mu_rho2 * t425;
-            let t528 = A_l5_1 * dot_Omega3;
-            let t529 = t527 - t528;
-            let t530 = R::sum_error(t527, -t528) + -fma(dot_Omega3, t431, fma(A_l5_1, t510, R::product_error(A_l5_1, dot_Omega3)));
-            let t531 = t529 + t530;
-            let t532 = t429 * dot_Omega2;
-            let t533 = t532 + t531;
-            let t534 = R::sum_error(t532, t531) + (fma(dot_Omega2, t430, fma(t429, t516, R::product_error(t429, dot_Omega2))) + R::sum_error(t529, t530));
-            let t535 = t533 + t534;
-            let t536 = t427 * dot_Omega1;
-            let t537 = t536 + t535;
-            let t538 = R::sum_error(t536, t535) + (fma(dot_Omega1, t428, fma(t427, t526, R::product_error(t427, dot_Omega1))) + R::sum_error(t533, t534));
-            let dot_alpha_dot = t537 + t538;
-            let t539 = t221 * dot_Omega3;
-            let t540 = t539 + n_beta_dot_over_mu_rho2;
-            let t541 = R::sum_error(t539, n_beta_dot_over_mu_rho2) + fma(dot_Omega3, t222, fma(t221, t510, R::product_error(t221, dot_Omega3)));
-            let t542 = t540 + t541;
-            let t543 = A_beta_dot_Omega2_over_mu_rho2 * dot_Omega2;
-            let t544 = t542 - t543;
-            let t545 = R::sum_error(t542, -t543) + (R::sum_error(t540, t541) - fma(dot_Omega2, t215, fma(A_beta_dot_Omega2_over_mu_rho2, t516, R::product_error(A_beta_dot_Omega2_over_mu_rho2, dot_Omega2))));
-            let t546 = t544 + t545;
-            let t547 = A_beta_dot_Omega1_over_mu_rho2 * dot_Omega1;
-            let t548 = t546 - t547;
-            let t549 = R::sum_error(t546, -t547) + (R::sum_error(t544, t545) - fma(dot_Omega1, t207, fma(A_beta_dot_Omega1_over_mu_rho2, t526, R::product_error(A_beta_dot_Omega1_over_mu_rho2, dot_Omega1))));
-            let dot_beta_dot = t548 + t549;
-            let dot_alpha_dot_2 = dot_alpha_dot + R::sum_error(t537, t538);
-            let dot_beta_dot_2 = dot_beta_dot + R::sum_error(t548, t549);
-            let dot_Omega1_2 = dot_Omega1 + t526;
-            let dot_Omega2_2 = dot_Omega2 + t516;
-            let dot_Omega3_2 = dot_Omega3 + t510;
+            let t525 = R::sum_error(t522, -t523) + (R::sum_error(t520, t521) - fma(z_Omega2_over_mu_rho2, t485, fma(A_l5_4, t510, R::product_error(A_l5_4, z_Omega2_over_mu_rho2))));
+            let z_Omega3_over_mu_rho2 = t524 + t525;
+            let dot_Omega3 = z_Omega3_over_mu_rho2 / A_s4_5_5_over_mu_rho2;
+            let t526 = fma(-dot_Omega3, R::sum_error(t487, t488), z_Omega3_over_mu_rho2 - dot_Omega3 * A_s4_5_5_over_mu_rho2 - R::product_error(dot_Omega3, A_s4_5_5_over_mu_rho2) + R::sum_error(t524, t525));
+            let t527 = t526 / A_s4_5_5_over_mu_rho2;
+            let t528 = z_Omega2_over_mu_rho2 * t483;
+            let t529 = A_l5_4 * dot_Omega3;
+            let t530 = t528 - t529;
+            let t531 = fma(t483, t510, fma(z_Omega2_over_mu_rho2, t484, R::product_error(z_Omega2_over_mu_rho2, t483))) - fma(dot_Omega3, t485, fma(A_l5_4, t527, R::product_error(A_l5_4, dot_Omega3)));
+            let t532 = R::sum_error(t528, -t529) + t531;
+            let t533 = R::sum_error(t530, t532);
+            let dot_Omega2 = t530 + t532;
+            let t534 = z_Omega1_over_mu_rho2 * t469;
+            let t535 = A_l5_3 * dot_Omega3;
+            let t536 = t534 - t535;
+            let t537 = fma(t469, t497, fma(z_Omega1_over_mu_rho2, t470, R::product_error(z_Omega1_over_mu_rho2, t469))) - fma(dot_Omega3, t472, fma(A_l5_3, t527, R::product_error(A_l5_3, dot_Omega3)));
+            let t538 = R::sum_error(t534, -t535) + t537;
+            let t539 = t536 + t538;
+            let t540 = A_l4_3 * dot_Omega2;
+            let t541 = t539 - t540;
+            let t542 = R::sum_error(t539, -t540) + (R::sum_error(t536, t538) - fma(dot_Omega2, t471, fma(A_l4_3, t533, R::product_error(A_l4_3, dot_Omega2))));
+            let t543 = R::sum_error(t541, t542);
+            let dot_Omega1 = t541 + t542;
+            let t544 = n_alpha_dot_over_mu_rho2 * t442;
+            let t545 = A_l5_1 * dot_Omega3;
+            let t546 = t544 - t545;
+            let t547 = R::sum_error(t544, -t545) + -fma(dot_Omega3, t448, fma(A_l5_1, t527, R::product_error(A_l5_1, dot_Omega3)));
+            let t548 = t546 + t547;
+            let t549 = t446 * dot_Omega2;
+            let t550 = t549 + t548;
+            let t551 = R::sum_error(t549, t548) + (fma(dot_Omega2, t447, fma(t446, t533, R::product_error(t446, dot_Omega2))) + R::sum_error(t546, t547));
+            let t552 = t550 + t551;
+            let t553 = t444 * dot_Omega1;
+            let t554 = t553 + t552;
+            let t555 = R::sum_error(t553, t552) + (fma(dot_Omega1, t445, fma(t444, t543, R::product_error(t444, dot_Omega1))) + R::sum_error(t550, t551));
+            let dot_alpha_dot = t554 + t555;
+            let t556 = t243 * dot_Omega3;
+            let t557 = t556 + n_beta_dot_over_mu_rho2;
+            let t558 = R::sum_error(t556, n_beta_dot_over_mu_rho2) + fma(dot_Omega3, t244, fma(t243, t527, R::product_error(t243, dot_Omega3)));
+            let t559 = t557 + t558;
+            let t560 = A_beta_dot_Omega2_over_mu_rho2 * dot_Omega2;
+            let t561 = t559 - t560;
+            let t562 = R::sum_error(t559, -t560) + (R::sum_error(t557, t558) - fma(dot_Omega2, t237, fma(A_beta_dot_Omega2_over_mu_rho2, t533, R::product_error(A_beta_dot_Omega2_over_mu_rho2, dot_Omega2))));
+            let t563 = t561 + t562;
+            let t564 = A_beta_dot_Omega1_over_mu_rho2 * dot_Omega1;
+            let t565 = t563 - t564;
+            let t566 = R::sum_error(t563, -t564) + (R::sum_error(t561, t562) - fma(dot_Omega1, t229, fma(A_beta_dot_Omega1_over_mu_rho2, t543, R::product_error(A_beta_dot_Omega1_over_mu_rho2, dot_Omega1))));
+            let dot_beta_dot = t565 + t566;
+            let dot_alpha_dot_2 = dot_alpha_dot + R::sum_error(t554, t555);
+            let dot_beta_dot_2 = dot_beta_dot + R::sum_error(t565, t566);
+            let dot_Omega1_2 = dot_Omega1 + t543;
+            let dot_Omega2_2 = dot_Omega2 + t533;
+            let dot_Omega3_2 = dot_Omega3 + t527;
             [dot_alpha_dot_2, dot_beta_dot_2, dot_Omega1_2, dot_Omega2_2, dot_Omega3_2]
         };
         let [dot_cos_beta, dot_sin_beta, dot_cos_alpha, dot_sin_alpha] = {
@@ -1631,8 +1685,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t10 = fma(-t7, t9, fma(t4, fma(beta_dot, t6, Omega2), X1_over_rho));
         let t11 = fma(-t4, fma(-beta_dot, t5, Omega1), fma(t9, t8, X2_over_rho));
         let t12 = fma(-Omega2, t8, fma(Omega1, t7, fma(-beta_dot, t3, X3_over_rho)));
-        let t13 = fma(self.c15, fma(X3_over_rho, X3_over_rho, fma(X2_over_rho, X2_over_rho, X1_over_rho * X1_over_rho)), fma(self.c14, Omega3 * Omega3, fma(self.c13, Omega2 * Omega2, self.c12 * (Omega1 * Omega1))));
-        fma(self.c17, fma(t12, t12, fma(t11, t11, t10 * t10)), fma(self.c16, fma(Gamma1, t8, fma(Gamma2, t7, Gamma3 * t4)), t13))
+        let t13 = fma(self.c17, fma(X3_over_rho, X3_over_rho, fma(X2_over_rho, X2_over_rho, X1_over_rho * X1_over_rho)), fma(self.c16, Omega3 * Omega3, fma(self.c15, Omega2 * Omega2, self.c14 * (Omega1 * Omega1))));
+        fma(self.c19, fma(t12, t12, fma(t11, t11, t10 * t10)), fma(self.c18, fma(Gamma1, t8, fma(Gamma2, t7, Gamma3 * t4)), t13))
     }
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
@@ -1645,7 +1699,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
         let t4 = t0 * t3;
-        let t5 = self.c3 * t1;
+        let t5 = self.c5 * t1;
         let t6 = self.c0 * (Gamma3 + t5);
         let t7 = t4 * t6;
         let t8 = t0 * t2;
@@ -1670,14 +1724,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t25 = t17 * (t23 - t24);
         let t26 = t1 * t1;
         let t27 = fma(t8, t8, t26);
-        let t28 = self.c5 * Gamma3;
-        let t29 = fma(t1, self.c4, Gamma3) * t28;
+        let t28 = self.c7 * Gamma3;
+        let t29 = fma(t1, self.c6, Gamma3) * t28;
         let t30 = Gamma2 * Gamma2;
-        let A_Omega1_Omega1_over_mu_rho2 = fma(t11, self.c7, fma(t30, self.c5, self.c6) + t27 + t29);
-        let t31 = self.c5 * Gamma1;
+        let A_Omega1_Omega1_over_mu_rho2 = fma(t11, self.c9, fma(t30, self.c7, self.c8) + t27 + t29);
+        let t31 = self.c7 * Gamma1;
         let t32 = Gamma2 * t31;
         let t33 = Gamma1 * t8;
-        let t34 = self.c3 * t8;
+        let t34 = self.c5 * t8;
         let t35 = t4 * (Gamma2 + t34);
         let t36 = self.c0 * (t33 + t35);
         let t37 = t32 + t36;
@@ -1686,10 +1740,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t40 = t38 + t39 + t7;
         let t41 = fma(t4, t4, t26);
         let t42 = Gamma1 * t31;
-        let A_Omega2_Omega2_over_mu_rho2 = fma(t12, self.c7, self.c8 + t42 + t29 + t41);
+        let A_Omega2_Omega2_over_mu_rho2 = fma(t12, self.c9, self.c10 + t42 + t29 + t41);
         let t43 = Gamma2 * (t28 + t17);
         let t44 = t43 + t9;
-        let A_Omega3_Omega3_over_mu_rho2 = fma(t13, self.c7, fma(t30, self.c5, self.c9) + t42 + t10);
+        let A_Omega3_Omega3_over_mu_rho2 = fma(t13, self.c9, fma(t30, self.c7, self.c11) + t42 + t10);
         // factors of A
         let t45 = t20 * t20;
         let A_s2_3_3_over_mu_rho2 = A_Omega1_Omega1_over_mu_rho2 - t45;
@@ -1733,7 +1787,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t66 = A_s3_4_5_over_mu_rho2 * A_l5_4;
         let A_s4_5_5_over_mu_rho2 = A_s3_5_5_over_mu_rho2 - t66;
         let t67 = Gamma3.abs();
-        let t68 = fma(R::from_f64(20.0), (self.c18 * t1).abs(), R::from_f64(10.0) * t67);
+        let t68 = fma(R::from_f64(20.0), (self.c20 * t1).abs(), R::from_f64(10.0) * t67);
         let t69 = t28.abs();
         let t70 = t29.abs();
         let t71 = R::from_f64(11.0) * (t2.abs() + t16.abs() + t19.abs());
@@ -1747,7 +1801,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_alpha_dot_Omega1_over_mu_rho2 = -t7;
         let t77 = A_alpha_dot_Omega1_over_mu_rho2.abs();
         let t78 = fma(t75, t52, R::from_f64(8.0) * t76);
-        let t79 = fma(R::from_f64(26.0), (self.c0 * t11).abs(), fma(t70, R::from_f64(13.0), fma(t68, t69, fma(t55, R::from_f64(10.0), fma(t45, R::from_f64(10.0), fma(t27, R::from_f64(13.0), fma(t30, self.c19, self.c20)))))));
+        let t79 = fma(R::from_f64(26.0), (self.c0 * t11).abs(), fma(t70, R::from_f64(13.0), fma(t68, t69, fma(t55, R::from_f64(10.0), fma(t45, R::from_f64(10.0), fma(t27, R::from_f64(13.0), fma(t30, self.c21, self.c22)))))));
         let t80 = fma(R::from_f64(2.0), A_s2_3_3_over_mu_rho2.abs(), fma(t75, t76, fma(t71, R::from_f64(2.0) * t72, fma(R::from_f64(2.0), A_Omega1_Omega1_over_mu_rho2.abs(), t79))));
         let t81 = fma(t77, t78, t80);
         let t82 = R::from_f64(11.0) * (t3.abs() + t21.abs() + t22.abs());
@@ -1767,7 +1821,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t93 = t61 * t61;
         let t94 = t61.abs();
         let t95 = fma(t91, t94, fma(t81, (A_s1_3_4_over_mu_rho2 * t93).abs(), R::from_f64(8.0) * t92));
-        let t96 = fma(t70, R::from_f64(13.0), fma(t68, t69, fma(t58, R::from_f64(10.0), fma(t49, R::from_f64(10.0), fma(t41, R::from_f64(13.0), fma(t42, R::from_f64(13.0), self.c21))))));
+        let t96 = fma(t70, R::from_f64(13.0), fma(t68, t69, fma(t58, R::from_f64(10.0), fma(t49, R::from_f64(10.0), fma(t41, R::from_f64(13.0), fma(t42, R::from_f64(13.0), self.c23))))));
         let t97 = fma(R::from_f64(2.0), A_s2_4_4_over_mu_rho2.abs(), fma(t84, t85, fma(t82, R::from_f64(2.0) * t83, fma(R::from_f64(2.0), A_Omega2_Omega2_over_mu_rho2.abs(), fma(R::from_f64(26.0), (self.c0 * t12).abs(), t96)))));
         let t98 = fma(t95, A_s1_3_4_over_mu_rho2.abs(), fma(t91, t92, fma(R::from_f64(10.0), t62.abs(), fma(t86, t87, fma(R::from_f64(2.0), A_s1_4_4_over_mu_rho2.abs(), t97)))));
         let t99 = R::from_f64(10.0) * (t11.abs() + t12.abs());
@@ -1791,7 +1845,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t113 = fma(R::from_f64(10.0), (-t59).abs(), fma(R::from_f64(2.0), A_s2_4_5_over_mu_rho2.abs(), fma(t104, t85, fma(R::from_f64(2.0), A_Omega2_Omega3_over_mu_rho2.abs(), t112))));
         let t114 = fma(t109, t92, fma(t95, t111, fma(R::from_f64(10.0), t63.abs(), fma(t87, t106, fma(R::from_f64(2.0), A_s1_4_5_over_mu_rho2.abs(), t113)))));
         let t115 = A_l5_4.abs();
-        let t116 = fma(t99, self.c7, fma(t60, R::from_f64(10.0), fma(t51, R::from_f64(10.0), fma(t10, R::from_f64(13.0), fma(t42, R::from_f64(13.0), fma(t30, self.c19, self.c22))))));
+        let t116 = fma(t99, self.c9, fma(t60, R::from_f64(10.0), fma(t51, R::from_f64(10.0), fma(t10, R::from_f64(13.0), fma(t42, R::from_f64(13.0), fma(t30, self.c21, self.c24))))));
         let t117 = fma(t102, R::from_f64(2.0) * t103, fma(R::from_f64(2.0), A_s2_5_5_over_mu_rho2.abs(), fma(R::from_f64(2.0), A_Omega3_Omega3_over_mu_rho2.abs(), fma(t100, R::from_f64(26.0), t116))));
         let t118 = fma(R::from_f64(2.0), A_s3_5_5_over_mu_rho2.abs(), fma(R::from_f64(10.0), t64.abs(), fma(R::from_f64(2.0), A_s1_5_5_over_mu_rho2.abs(), fma(t106, fma(t105, R::from_f64(8.0), t104 * t52), fma(t104, t105, t117)))));
         let t119 = fma(t114, t115, fma(R::from_f64(10.0), t66.abs(), fma(t111, fma(t109, t94, fma(t81, (A_s1_3_5_over_mu_rho2 * t93).abs(), R::from_f64(8.0) * t110)), fma(t109, t110, t118))));
@@ -1832,7 +1886,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[10] {
     c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20, c21, c22,
-    c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36, c37, c38, c39, c40, c41, c42,
+    c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36, c37, c38, c39, c40, c41, c42, c43,
+    c44, c45, c46,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

@@ -89,42 +89,44 @@ pub const INITIAL: [f64; 12] = [
 pub struct Prepared<R = f64> {
     c0: R, // r / rho
     c1: R, // g / rho
-    c2: R, // (I1 - I2) / (mu * (rho * rho))
-    c3: R, // 0.5 * r * (M + mu) / (mu * rho)
-    c4: R, // I1 / (mu * (rho * rho))
-    c5: R, // r * r * (M + mu) / (mu * (rho * rho))
-    c6: R, // 2 * r / rho
-    c7: R, // r * (M + mu) / (mu * rho)
-    c8: R, // I2 / (mu * (rho * rho))
-    c9: R, // I3 / (mu * (rho * rho))
-    c10: R, // (I2 - I3) / (mu * (rho * rho))
-    c11: R, // (I3 - I1) / (mu * (rho * rho))
-    c12: R, // 0.5 * I1
-    c13: R, // 0.5 * I2
-    c14: R, // 0.5 * I3
-    c15: R, // mu * rho * g
-    c16: R, // 0.5 * M * (rho * rho)
-    c17: R, // 0.5 * mu * (rho * rho)
-    c18: R, // 12 * (r * r) * (M + mu) / (mu * (rho * rho))
-    c19: R, // 12 * I1 / (mu * (rho * rho))
-    c20: R, // 13 * I2 / (mu * (rho * rho))
-    c21: R, // 13 * I3 / (mu * (rho * rho))
-    c22: R, // 13 * (r * r) * (M + mu) / (mu * (rho * rho))
-    c23: R, // g / rho
-    c24: R, // r / rho
-    c25: R, // r * r * (M + mu) / (mu * (rho * rho))
-    c26: R, // 2 * r / rho
-    c27: R, // r * r * (M + mu) / (mu * (rho * rho))
-    c28: R, // 2 * r / rho
-    c29: R, // g / rho
-    c30: R, // r / rho
+    c2: R, // (I3 - I1) / (mu * (rho * rho))
+    c3: R, // (I1 - I2) / (mu * (rho * rho))
+    c4: R, // M / mu
+    c5: R, // 0.5 * r * (M + mu) / (mu * rho)
+    c6: R, // I1 / (mu * (rho * rho))
+    c7: R, // r * r * (M + mu) / (mu * (rho * rho))
+    c8: R, // 2 * r / rho
+    c9: R, // r * (M + mu) / (mu * rho)
+    c10: R, // I2 / (mu * (rho * rho))
+    c11: R, // I3 / (mu * (rho * rho))
+    c12: R, // (I2 - I3) / (mu * (rho * rho))
+    c13: R, // -((M + mu) / mu)
+    c14: R, // 0.5 * I1
+    c15: R, // 0.5 * I2
+    c16: R, // 0.5 * I3
+    c17: R, // mu * rho * g
+    c18: R, // 0.5 * M * (rho * rho)
+    c19: R, // 0.5 * mu * (rho * rho)
+    c20: R, // 12 * (r * r) * (M + mu) / (mu * (rho * rho))
+    c21: R, // 12 * I1 / (mu * (rho * rho))
+    c22: R, // 12 * I2 / (mu * (rho * rho))
+    c23: R, // 13 * I3 / (mu * (rho * rho))
+    c24: R, // 13 * (r * r) * (M + mu) / (mu * (rho * rho))
+    c25: R, // g / rho
+    c26: R, // g / rho
+    c27: R, // r / rho
+    c28: R, // r * r * (M + mu) / (mu * (rho * rho))
+    c29: R, // 2 * r / rho
+    c30: R, // r * r * (M + mu) / (mu * (rho * rho))
+    c31: R, // 2 * r / rho
+    c32: R, // r / rho
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 4 additions, 24 multiplications, 17 divisions.
+    /// Operations: 4 additions, 24 multiplications, 19 divisions, 1 sign change.
     ///
     /// # Errors
     ///
@@ -149,18 +151,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ::hamel_runtime::ParamError::require(r.all_gt(R::ZERO), "r > 0", "")?;
         ::hamel_runtime::ParamError::require(rho.all_gt(R::ZERO), "rho > 0", "")?;
         Ok(Self {
-            c0: t0, c1: t1, c2: (I1 - I2) / t3,
-            c3: R::from_f64(0.5) * r * t5 / t7,
-            c4: I1 / t3, c5: t6, c6: t8, c7: r * t5 / t7, c8: I2 / t3, c9: I3 / t3, c10: (I2 - I3) / t3,
-            c11: (I3 - I1) / t3, c12: R::from_f64(0.5) * I1, c13: R::from_f64(0.5) * I2, c14: R::from_f64(0.5) * I3,
-            c15: t7 * g, c16: R::from_f64(0.5) * M * t2,
-            c17: R::from_f64(0.5) * mu * t2,
-            c18: R::from_f64(12.0) * t4 * t5 / t3,
-            c19: R::from_f64(12.0) * I1 / t3,
-            c20: R::from_f64(13.0) * I2 / t3,
-            c21: R::from_f64(13.0) * I3 / t3,
-            c22: R::from_f64(13.0) * t4 * t5 / t3,
-            c23: t1, c24: t0, c25: t6, c26: t8, c27: t6, c28: t8, c29: t1, c30: t0,
+            c0: t0, c1: t1, c2: (I3 - I1) / t3, c3: (I1 - I2) / t3, c4: M / mu,
+            c5: R::from_f64(0.5) * r * t5 / t7,
+            c6: I1 / t3, c7: t6, c8: t8, c9: r * t5 / t7, c10: I2 / t3, c11: I3 / t3, c12: (I2 - I3) / t3,
+            c13: -(t5 / mu), c14: R::from_f64(0.5) * I1, c15: R::from_f64(0.5) * I2, c16: R::from_f64(0.5) * I3,
+            c17: t7 * g, c18: R::from_f64(0.5) * M * t2,
+            c19: R::from_f64(0.5) * mu * t2,
+            c20: R::from_f64(12.0) * t4 * t5 / t3,
+            c21: R::from_f64(12.0) * I1 / t3,
+            c22: R::from_f64(12.0) * I2 / t3,
+            c23: R::from_f64(13.0) * I3 / t3,
+            c24: R::from_f64(13.0) * t4 * t5 / t3,
+            c25: t1, c26: t1, c27: t0, c28: t6, c29: t8, c30: t6, c31: t8, c32: t0,
         })
     }
 
@@ -172,7 +174,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain chaplygin_gyro
     /// ```
     ///
-    /// Operations: 121 additions, 160 multiplications (104 fused), 4 divisions, 2 sign changes.
+    /// Operations: 124 additions, 164 multiplications (108 fused), 4 divisions, 2 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 12], dy: &mut [R; 12]) {
         let [alpha_c, alpha_s, beta_c, beta_s, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
@@ -204,53 +206,55 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let a1_3_over_rho = fma(Omega1, t8 + v1_2_over_rho, fma(-Omega2, v1_1_over_rho, fma(alpha_dot, fma(Omega1, t9, Omega2 * t3), -(beta_dot * fma(Omega2, t5, dot_beta_s)))));
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
         let t12 = fma(Gamma1, self.c1, a1_1_over_rho);
-        let t13 = fma(Gamma2, self.c23, a1_2_over_rho);
+        let t13 = fma(Gamma2, self.c25, a1_2_over_rho);
         let r_alpha_dot_over_mu_rho2 = fma(-t9, t13, t3 * t12);
-        let r_Omega3_over_mu_rho2 = fma(Omega1, self.c2 * Omega2, r_alpha_dot_over_mu_rho2);
-        // accelerations of the dependent velocities at udot = 0
+        let t14 = fma(Gamma3, self.c26, a1_3_over_rho);
+        let r_Omega2_over_mu_rho2 = fma(t9, t14, fma(-beta_c, t12, self.c2 * Omega3 * Omega1));
+        let r_Omega3_over_mu_rho2 = fma(Omega1, self.c3 * Omega2, r_alpha_dot_over_mu_rho2);
         let lag_X1_over_rho = fma(Omega2, t2, -(Omega3 * t1));
+        let r_X1_over_mu_rho = fma(lag_X1_over_rho, self.c4, -a1_1_over_rho);
+        // accelerations of the dependent velocities at udot = 0
         let lag_X2_over_rho = fma(Omega3, t0, -(Omega1 * t2));
         let lag_X3_over_rho = fma(Omega1, t1, -(Omega2 * t0));
         // mass matrix A = W^T L_yy Psi
         let A_alpha_dot_alpha_dot_over_mu_rho2 = beta_s * beta_s;
-        let t14 = self.c24 * Gamma3;
-        let t15 = beta_c + t14;
-        let t16 = t9 * t15;
-        let t17 = t3 * t15;
-        let t18 = Gamma1 * t9;
-        let t19 = fma(Gamma2, t3, t18);
-        let A_alpha_dot_Omega3_over_mu_rho2 = fma(t19, self.c0, A_alpha_dot_alpha_dot_over_mu_rho2);
-        let t20 = self.c0 * Gamma2;
-        let A_beta_dot_Omega1_over_mu_rho2 = fma(-t7, t14, fma(-beta_s, t20, -alpha_s));
-        let t21 = self.c0 * Gamma1;
-        let A_beta_dot_Omega2_over_mu_rho2 = fma(t5, t14, fma(beta_s, t21, alpha_c));
-        let A_beta_dot_Omega3_over_mu_rho2 = fma(-t5, t20, t7 * t21);
-        let t22 = Gamma2 * Gamma2;
-        let t23 = Gamma3 * fma(Gamma3, self.c3, beta_c);
-        let A_Omega1_Omega1_over_mu_rho2 = fma(self.c6, fma(Gamma2, t3, t23), fma(t22, self.c5, fma(t3, t3, fma(beta_c, beta_c, self.c4))));
-        let t24 = self.c25 * Gamma1;
-        let A_Omega1_Omega2_over_mu_rho2 = fma(-t3, t9 + t21, fma(-t9, t20, -(Gamma2 * t24)));
-        let t25 = fma(Gamma3, self.c7, beta_c);
-        let A_Omega1_Omega3_over_mu_rho2 = fma(-t21, t25, -t16);
-        let A_Omega2_Omega2_over_mu_rho2 = fma(self.c26, t18 + t23, fma(t9, t9, fma(Gamma1, t24, fma(beta_c, beta_c, self.c8))));
-        let A_Omega2_Omega3_over_mu_rho2 = fma(-t20, t25, -t17);
-        let A_Omega3_Omega3_over_mu_rho2 = fma(t19, self.c28, fma(Gamma1, t24, fma(t22, self.c27, self.c9 + A_alpha_dot_alpha_dot_over_mu_rho2)));
+        let t15 = self.c27 * Gamma3;
+        let t16 = beta_c + t15;
+        let t17 = t9 * t16;
+        let t18 = t3 * t16;
+        let t19 = Gamma1 * t9;
+        let t20 = fma(Gamma2, t3, t19);
+        let A_alpha_dot_Omega3_over_mu_rho2 = fma(t20, self.c0, A_alpha_dot_alpha_dot_over_mu_rho2);
+        let t21 = self.c0 * Gamma2;
+        let A_beta_dot_Omega1_over_mu_rho2 = fma(-t7, t15, fma(-beta_s, t21, -alpha_s));
+        let t22 = self.c0 * Gamma1;
+        let A_beta_dot_Omega2_over_mu_rho2 = fma(t5, t15, fma(beta_s, t22, alpha_c));
+        let A_beta_dot_Omega3_over_mu_rho2 = fma(-t5, t21, t7 * t22);
+        let t23 = Gamma2 * Gamma2;
+        let t24 = Gamma3 * fma(Gamma3, self.c5, beta_c);
+        let A_Omega1_Omega1_over_mu_rho2 = fma(self.c8, fma(Gamma2, t3, t24), fma(t23, self.c7, fma(t3, t3, fma(beta_c, beta_c, self.c6))));
+        let t25 = self.c28 * Gamma1;
+        let A_Omega1_Omega2_over_mu_rho2 = fma(-t3, t9 + t22, fma(-t9, t21, -(Gamma2 * t25)));
+        let t26 = fma(Gamma3, self.c9, beta_c);
+        let A_Omega1_Omega3_over_mu_rho2 = fma(-t22, t26, -t17);
+        let A_Omega2_Omega2_over_mu_rho2 = fma(self.c29, t19 + t24, fma(Gamma1, t25, fma(t9, t9, fma(beta_c, beta_c, self.c10))));
+        let A_Omega2_Omega3_over_mu_rho2 = fma(-t21, t26, -t18);
+        let A_Omega3_Omega3_over_mu_rho2 = fma(t20, self.c31, fma(Gamma1, t25, fma(t23, self.c30, self.c11 + A_alpha_dot_alpha_dot_over_mu_rho2)));
         // right side f = W^T (r - L_yy lag)
-        let t26 = fma(-t9, lag_X2_over_rho, t3 * lag_X1_over_rho);
-        let n_alpha_dot_over_mu_rho2 = t26 + r_alpha_dot_over_mu_rho2;
-        let t27 = fma(Gamma3, self.c29, lag_X3_over_rho) + a1_3_over_rho;
-        let t28 = lag_X2_over_rho + t13;
-        let t29 = lag_X1_over_rho + t12;
-        let n_beta_dot_over_mu_rho2 = fma(-t5, t29, fma(-t7, t28, beta_s * t27));
-        let n_Omega1_over_mu_rho2 = fma(-t3, t27, fma(beta_c, t28, self.c10 * Omega3 * Omega2));
-        let n_Omega2_over_mu_rho2 = fma(-beta_c, t29, fma(t9, t27, self.c11 * Omega3 * Omega1));
-        let n_Omega3_over_mu_rho2 = t26 + r_Omega3_over_mu_rho2;
-        let t30 = lag_X1_over_rho + a1_1_over_rho;
-        let t31 = lag_X3_over_rho + a1_3_over_rho;
-        let t32 = self.c30 * (lag_X2_over_rho + a1_2_over_rho);
-        let f_Omega1_over_mu_rho2 = fma(Gamma3, t32, fma(-t20, t31, n_Omega1_over_mu_rho2));
-        let f_Omega2_over_mu_rho2 = fma(self.c0, fma(Gamma1, t31, -(Gamma3 * t30)), n_Omega2_over_mu_rho2);
-        let f_Omega3_over_mu_rho2 = fma(-Gamma1, t32, fma(t20, t30, n_Omega3_over_mu_rho2));
+        let t27 = fma(-t9, lag_X2_over_rho, t3 * lag_X1_over_rho);
+        let n_alpha_dot_over_mu_rho2 = t27 + r_alpha_dot_over_mu_rho2;
+        let t28 = lag_X3_over_rho + t14;
+        let t29 = lag_X2_over_rho + t13;
+        let n_beta_dot_over_mu_rho2 = fma(beta_s, t28, fma(-t5, lag_X1_over_rho + t12, -(t7 * t29)));
+        let n_Omega1_over_mu_rho2 = fma(-t3, t28, fma(beta_c, t29, self.c12 * Omega3 * Omega2));
+        let n_Omega2_over_mu_rho2 = fma(-beta_c, lag_X1_over_rho, fma(t9, lag_X3_over_rho, r_Omega2_over_mu_rho2));
+        let n_Omega3_over_mu_rho2 = t27 + r_Omega3_over_mu_rho2;
+        let n_X1_over_mu_rho = fma(lag_X1_over_rho, self.c13, r_X1_over_mu_rho);
+        let t30 = lag_X3_over_rho + a1_3_over_rho;
+        let t31 = self.c32 * (lag_X2_over_rho + a1_2_over_rho);
+        let f_Omega1_over_mu_rho2 = fma(Gamma3, t31, fma(-t21, t30, n_Omega1_over_mu_rho2));
+        let f_Omega2_over_mu_rho2 = fma(self.c0, fma(Gamma1, t30, Gamma3 * n_X1_over_mu_rho), n_Omega2_over_mu_rho2);
+        let f_Omega3_over_mu_rho2 = fma(-t21, n_X1_over_mu_rho, fma(-Gamma1, t31, n_Omega3_over_mu_rho2));
         // factors of A
         let A_s2_3_3_over_mu_rho2 = fma(-A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega1_over_mu_rho2, A_Omega1_Omega1_over_mu_rho2);
         let A_s2_3_4_over_mu_rho2 = fma(-A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2, A_Omega1_Omega2_over_mu_rho2);
@@ -258,34 +262,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_s2_4_4_over_mu_rho2 = fma(-A_beta_dot_Omega2_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2, A_Omega2_Omega2_over_mu_rho2);
         let A_s2_4_5_over_mu_rho2 = fma(-A_beta_dot_Omega2_over_mu_rho2, A_beta_dot_Omega3_over_mu_rho2, A_Omega2_Omega3_over_mu_rho2);
         let A_s2_5_5_over_mu_rho2 = fma(-A_beta_dot_Omega3_over_mu_rho2, A_beta_dot_Omega3_over_mu_rho2, A_Omega3_Omega3_over_mu_rho2);
-        let t33 = A_alpha_dot_alpha_dot_over_mu_rho2.recip();
-        let t34 = t16 * t33;
-        let t35 = t17 * t33;
-        let A_l5_1 = A_alpha_dot_Omega3_over_mu_rho2 * t33;
-        let A_s1_3_3_over_mu_rho2 = fma(-t16, t34, A_s2_3_3_over_mu_rho2);
-        let A_s1_3_4_over_mu_rho2 = fma(-t17, t34, A_s2_3_4_over_mu_rho2);
-        let A_s1_3_5_over_mu_rho2 = fma(A_alpha_dot_Omega3_over_mu_rho2, t34, A_s2_3_5_over_mu_rho2);
-        let A_s1_4_4_over_mu_rho2 = fma(-t17, t35, A_s2_4_4_over_mu_rho2);
-        let A_s1_4_5_over_mu_rho2 = fma(A_alpha_dot_Omega3_over_mu_rho2, t35, A_s2_4_5_over_mu_rho2);
+        let t32 = A_alpha_dot_alpha_dot_over_mu_rho2.recip();
+        let t33 = t17 * t32;
+        let t34 = t18 * t32;
+        let A_l5_1 = A_alpha_dot_Omega3_over_mu_rho2 * t32;
+        let A_s1_3_3_over_mu_rho2 = fma(-t17, t33, A_s2_3_3_over_mu_rho2);
+        let A_s1_3_4_over_mu_rho2 = fma(-t18, t33, A_s2_3_4_over_mu_rho2);
+        let A_s1_3_5_over_mu_rho2 = fma(A_alpha_dot_Omega3_over_mu_rho2, t33, A_s2_3_5_over_mu_rho2);
+        let A_s1_4_4_over_mu_rho2 = fma(-t18, t34, A_s2_4_4_over_mu_rho2);
+        let A_s1_4_5_over_mu_rho2 = fma(A_alpha_dot_Omega3_over_mu_rho2, t34, A_s2_4_5_over_mu_rho2);
         let A_s1_5_5_over_mu_rho2 = fma(-A_alpha_dot_Omega3_over_mu_rho2, A_l5_1, A_s2_5_5_over_mu_rho2);
-        let t36 = A_s1_3_3_over_mu_rho2.recip();
-        let A_l4_3 = A_s1_3_4_over_mu_rho2 * t36;
-        let A_l5_3 = A_s1_3_5_over_mu_rho2 * t36;
+        let t35 = A_s1_3_3_over_mu_rho2.recip();
+        let A_l4_3 = A_s1_3_4_over_mu_rho2 * t35;
+        let A_l5_3 = A_s1_3_5_over_mu_rho2 * t35;
         let A_s3_4_4_over_mu_rho2 = fma(-A_s1_3_4_over_mu_rho2, A_l4_3, A_s1_4_4_over_mu_rho2);
         let A_s3_4_5_over_mu_rho2 = fma(-A_s1_3_5_over_mu_rho2, A_l4_3, A_s1_4_5_over_mu_rho2);
         let A_s3_5_5_over_mu_rho2 = fma(-A_s1_3_5_over_mu_rho2, A_l5_3, A_s1_5_5_over_mu_rho2);
-        let t37 = A_s3_4_4_over_mu_rho2.recip();
-        let A_l5_4 = A_s3_4_5_over_mu_rho2 * t37;
+        let t36 = A_s3_4_4_over_mu_rho2.recip();
+        let A_l5_4 = A_s3_4_5_over_mu_rho2 * t36;
         let A_s4_5_5_over_mu_rho2 = fma(-A_s3_4_5_over_mu_rho2, A_l5_4, A_s3_5_5_over_mu_rho2);
         // substitution through the factors of A
-        let z_Omega1_over_mu_rho2 = fma(-A_beta_dot_Omega1_over_mu_rho2, n_beta_dot_over_mu_rho2, fma(n_alpha_dot_over_mu_rho2, t34, f_Omega1_over_mu_rho2));
-        let z_Omega2_over_mu_rho2 = fma(-A_l4_3, z_Omega1_over_mu_rho2, fma(-A_beta_dot_Omega2_over_mu_rho2, n_beta_dot_over_mu_rho2, fma(n_alpha_dot_over_mu_rho2, t35, f_Omega2_over_mu_rho2)));
-        let t38 = fma(-A_l5_3, z_Omega1_over_mu_rho2, fma(-A_beta_dot_Omega3_over_mu_rho2, n_beta_dot_over_mu_rho2, fma(-n_alpha_dot_over_mu_rho2, A_l5_1, f_Omega3_over_mu_rho2)));
-        let z_Omega3_over_mu_rho2 = fma(-A_l5_4, z_Omega2_over_mu_rho2, t38);
+        let z_Omega1_over_mu_rho2 = fma(-A_beta_dot_Omega1_over_mu_rho2, n_beta_dot_over_mu_rho2, fma(n_alpha_dot_over_mu_rho2, t33, f_Omega1_over_mu_rho2));
+        let z_Omega2_over_mu_rho2 = fma(-A_l4_3, z_Omega1_over_mu_rho2, fma(-A_beta_dot_Omega2_over_mu_rho2, n_beta_dot_over_mu_rho2, fma(n_alpha_dot_over_mu_rho2, t34, f_Omega2_over_mu_rho2)));
+        let t37 = fma(-A_l5_3, z_Omega1_over_mu_rho2, fma(-A_beta_dot_Omega3_over_mu_rho2, n_beta_dot_over_mu_rho2, fma(-n_alpha_dot_over_mu_rho2, A_l5_1, f_Omega3_over_mu_rho2)));
+        let z_Omega3_over_mu_rho2 = fma(-A_l5_4, z_Omega2_over_mu_rho2, t37);
         let dot_Omega3 = z_Omega3_over_mu_rho2 / A_s4_5_5_over_mu_rho2;
-        let dot_Omega2 = fma(-A_l5_4, dot_Omega3, z_Omega2_over_mu_rho2 * t37);
-        let dot_Omega1 = fma(-A_l4_3, dot_Omega2, fma(-A_l5_3, dot_Omega3, z_Omega1_over_mu_rho2 * t36));
-        let dot_alpha_dot = fma(t34, dot_Omega1, fma(t35, dot_Omega2, fma(-A_l5_1, dot_Omega3, n_alpha_dot_over_mu_rho2 * t33)));
+        let dot_Omega2 = fma(-A_l5_4, dot_Omega3, z_Omega2_over_mu_rho2 * t36);
+        let dot_Omega1 = fma(-A_l4_3, dot_Omega2, fma(-A_l5_3, dot_Omega3, z_Omega1_over_mu_rho2 * t35));
+        let dot_alpha_dot = fma(t33, dot_Omega1, fma(t34, dot_Omega2, fma(-A_l5_1, dot_Omega3, n_alpha_dot_over_mu_rho2 * t32)));
         let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mu_rho2, dot_Omega1, fma(-A_beta_dot_Omega2_over_mu_rho2, dot_Omega2, fma(-A_beta_dot_Omega3_over_mu_rho2, dot_Omega3, n_beta_dot_over_mu_rho2)));
         let dot_alpha_s = alpha_dot * alpha_c;
         let dot_alpha_c = -(alpha_dot * alpha_s);
@@ -317,8 +321,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t6 = fma(-t3, t5, fma(beta_c, fma(beta_dot, alpha_c, Omega2), X1_over_rho));
         let t7 = fma(t5, t4, fma(beta_c, fma(beta_dot, alpha_s, -Omega1), X2_over_rho));
         let t8 = fma(-Omega2, t4, fma(Omega1, t3, fma(-beta_dot, beta_s, X3_over_rho)));
-        let t9 = fma(self.c16, fma(X3_over_rho, X3_over_rho, fma(X2_over_rho, X2_over_rho, X1_over_rho * X1_over_rho)), fma(self.c15, fma(Gamma1, t4, fma(Gamma2, t3, Gamma3 * beta_c)), fma(self.c14, Omega3 * Omega3, fma(self.c13, Omega2 * Omega2, self.c12 * (Omega1 * Omega1)))));
-        fma(self.c17, fma(t8, t8, fma(t7, t7, t6 * t6)), t9)
+        let t9 = fma(self.c18, fma(X3_over_rho, X3_over_rho, fma(X2_over_rho, X2_over_rho, X1_over_rho * X1_over_rho)), fma(self.c17, fma(Gamma1, t4, fma(Gamma2, t3, Gamma3 * beta_c)), fma(self.c16, Omega3 * Omega3, fma(self.c15, Omega2 * Omega2, self.c14 * (Omega1 * Omega1)))));
+        fma(self.c19, fma(t8, t8, fma(t7, t7, t6 * t6)), t9)
     }
 
     /// C^2 + s^2 of the angles carried as points (c, s) of the circle, 1 along the motion.
@@ -336,7 +340,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
-    /// Operations: 156 additions, 191 multiplications (109 fused), 3 divisions, 88 sign changes.
+    /// Operations: 155 additions, 190 multiplications (109 fused), 3 divisions, 88 sign changes.
     #[must_use]
     pub fn pivots(&self, t: R, y: &[R; 12]) -> [::hamel_runtime::Pivot<R>; 3] {
         let [alpha_c, alpha_s, beta_c, beta_s, _, _, _, _, _, Gamma1, Gamma2, Gamma3] = *y;
@@ -370,25 +374,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t21 = beta_c * beta_c;
         let t22 = fma(t4, t4, t21);
         let t23 = Gamma2 * Gamma2;
-        let t24 = Gamma3 * fma(Gamma3, self.c3, beta_c);
+        let t24 = Gamma3 * fma(Gamma3, self.c5, beta_c);
         let t25 = t6 + t24;
-        let A_Omega1_Omega1_over_mu_rho2 = fma(t25, self.c6, fma(t23, self.c5, self.c4) + t22);
-        let t26 = self.c5 * Gamma1;
+        let A_Omega1_Omega1_over_mu_rho2 = fma(t25, self.c8, fma(t23, self.c7, self.c6) + t22);
+        let t26 = self.c7 * Gamma1;
         let t27 = Gamma2 * t26;
         let t28 = t0 * t10;
         let t29 = t4 * (t0 + t15);
         let t30 = t27 + t28 + t29;
-        let t31 = self.c7 * Gamma3;
+        let t31 = self.c9 * Gamma3;
         let t32 = beta_c + t31;
         let t33 = t15 * t32;
         let t34 = t3 + t33;
-        let t35 = Gamma1 * t26;
-        let t36 = t0 * t0;
+        let t35 = fma(t0, t0, t21);
+        let t36 = Gamma1 * t26;
         let t37 = t7 + t24;
-        let A_Omega2_Omega2_over_mu_rho2 = fma(t37, self.c6, self.c8 + t21 + t35 + t36);
+        let A_Omega2_Omega2_over_mu_rho2 = fma(t37, self.c8, self.c10 + t35 + t36);
         let t38 = t10 * t32;
         let t39 = t5 + t38;
-        let A_Omega3_Omega3_over_mu_rho2 = fma(t8, self.c6, fma(t23, self.c5, self.c9 + A_alpha_dot_alpha_dot_over_mu_rho2) + t35);
+        let A_Omega3_Omega3_over_mu_rho2 = fma(t8, self.c8, fma(t23, self.c7, self.c11 + A_alpha_dot_alpha_dot_over_mu_rho2) + t36);
         // factors of A
         let t40 = t14 * t14;
         let A_s2_3_3_over_mu_rho2 = A_Omega1_Omega1_over_mu_rho2 - t40;
@@ -448,8 +452,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_alpha_dot_Omega1_over_mu_rho2 = -t3;
         let t74 = A_alpha_dot_Omega1_over_mu_rho2.abs();
         let t75 = fma(t73, R::from_f64(8.0), t72 * t47);
-        let t76 = fma(R::from_f64(24.0), (self.c0 * t25).abs(), fma(t50, R::from_f64(10.0), fma(t40, R::from_f64(10.0), fma(t22, R::from_f64(12.0), fma(t23, self.c18, self.c19)))));
-        let t77 = fma(t68, R::from_f64(2.0) * t69, fma(t72, t73, fma(self.c6, fma(t65, t66, fma(t62, R::from_f64(10.0), t67)), fma(R::from_f64(2.0), A_Omega1_Omega1_over_mu_rho2.abs(), t76))));
+        let t76 = fma(R::from_f64(24.0), (self.c0 * t25).abs(), fma(t50, R::from_f64(10.0), fma(t40, R::from_f64(10.0), fma(t22, R::from_f64(12.0), fma(t23, self.c20, self.c21)))));
+        let t77 = fma(t68, R::from_f64(2.0) * t69, fma(t72, t73, fma(self.c8, fma(t65, t66, fma(t62, R::from_f64(10.0), t67)), fma(R::from_f64(2.0), A_Omega1_Omega1_over_mu_rho2.abs(), t76))));
         let t78 = fma(t74, t75, fma(R::from_f64(2.0), A_s2_3_3_over_mu_rho2.abs(), t77));
         let t79 = t7.abs();
         let t80 = R::from_f64(11.0) * (alpha_c.abs() + t16.abs() + t18.abs());
@@ -470,8 +474,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t92 = t56 * t56;
         let t93 = t56.abs();
         let t94 = fma(t90, t93, fma(t78, (A_s1_3_4_over_mu_rho2 * t92).abs(), R::from_f64(8.0) * t91));
-        let t95 = fma(R::from_f64(26.0), (self.c0 * t37).abs(), fma(t53, R::from_f64(10.0), fma(t43, R::from_f64(10.0), fma(t36, R::from_f64(13.0), fma(t35, R::from_f64(13.0), fma(t21, R::from_f64(13.0), self.c20))))));
-        let t96 = fma(t80, R::from_f64(2.0) * t81, fma(t83, t84, fma(R::from_f64(2.0), A_Omega2_Omega2_over_mu_rho2.abs(), fma(self.c6, fma(t65, t66, fma(t79, R::from_f64(10.0), t67)), t95))));
+        let t95 = fma(R::from_f64(24.0), (self.c0 * t37).abs(), fma(t53, R::from_f64(10.0), fma(t43, R::from_f64(10.0), fma(t36, R::from_f64(12.0), fma(t35, R::from_f64(12.0), self.c22)))));
+        let t96 = fma(t80, R::from_f64(2.0) * t81, fma(t83, t84, fma(R::from_f64(2.0), A_Omega2_Omega2_over_mu_rho2.abs(), fma(self.c8, fma(t65, t66, fma(t79, R::from_f64(10.0), t67)), t95))));
         let t97 = fma(t90, t91, fma(R::from_f64(10.0), t57.abs(), fma(R::from_f64(2.0), A_s1_4_4_over_mu_rho2.abs(), fma(t85, t86, fma(R::from_f64(2.0), A_s2_4_4_over_mu_rho2.abs(), t96)))));
         let t98 = fma(t94, A_s1_3_4_over_mu_rho2.abs(), t97);
         let t99 = R::from_f64(10.0) * (t62 + t79);
@@ -493,8 +497,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t112 = fma(R::from_f64(10.0), (-t54).abs(), fma(R::from_f64(2.0), A_s2_4_5_over_mu_rho2.abs(), fma(t103, t84, fma(R::from_f64(10.0), t44.abs(), fma(t80, t102, t111)))));
         let t113 = fma(t108, t91, fma(t94, t110, fma(R::from_f64(10.0), t58.abs(), fma(R::from_f64(2.0), A_s1_4_5_over_mu_rho2.abs(), fma(t86, t105, t112)))));
         let t114 = A_l5_4.abs();
-        let t115 = fma(t55, R::from_f64(10.0), fma(t46, R::from_f64(10.0), fma(t35, R::from_f64(13.0), fma(t23, self.c22, fma(A_alpha_dot_alpha_dot_over_mu_rho2, R::from_f64(13.0), self.c21)))));
-        let t116 = fma(t103, t104, fma(R::from_f64(2.0), A_Omega3_Omega3_over_mu_rho2.abs(), fma(t101, R::from_f64(2.0) * t102, fma(t100, R::from_f64(26.0), fma(t99, self.c6, t115)))));
+        let t115 = fma(t55, R::from_f64(10.0), fma(t46, R::from_f64(10.0), fma(t36, R::from_f64(13.0), fma(t23, self.c24, fma(A_alpha_dot_alpha_dot_over_mu_rho2, R::from_f64(13.0), self.c23)))));
+        let t116 = fma(t103, t104, fma(R::from_f64(2.0), A_Omega3_Omega3_over_mu_rho2.abs(), fma(t101, R::from_f64(2.0) * t102, fma(t100, R::from_f64(26.0), fma(t99, self.c8, t115)))));
         let t117 = fma(R::from_f64(10.0), t59.abs(), fma(R::from_f64(2.0), A_s1_5_5_over_mu_rho2.abs(), fma(t105, fma(t104, R::from_f64(8.0), t103 * t47), fma(R::from_f64(2.0), A_s2_5_5_over_mu_rho2.abs(), t116))));
         let t118 = fma(t110, fma(t108, t93, fma(t78, (A_s1_3_5_over_mu_rho2 * t92).abs(), R::from_f64(8.0) * t109)), fma(t108, t109, fma(R::from_f64(2.0), A_s3_5_5_over_mu_rho2.abs(), t117)));
         [
@@ -533,7 +537,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[12] {
     c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20, c21, c22,
-    c23, c24, c25, c26, c27, c28, c29, c30,
+    c23, c24, c25, c26, c27, c28, c29, c30, c31, c32,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

@@ -68,38 +68,37 @@ pub struct Prepared<R = f64> {
     c1: R, c2: R,
     c3: R, // p / (m2 * l1 * l2)
     c4: R, // l1 / l2
-    c5: R, // 2 * l1 / l2
-    c6: R,
-    c7: R, // -(g / l1)
-    c8: R, // m1 / m2
-    c9: R, c10: R, c11: R,
-    c12: R, // -(m1 * l1 * g + m2 * l1 * g)
-    c13: R, // -(m2 * l2 * g)
-    c14: R, // 0.5 * m1 * (l1 * l1)
-    c15: R, // 0.5 * m2 * (l2 * l2)
-    c16: R,
-    c17: R, // 10 * l2 / l1
-    c18: R,
-    c19: R, // l2 / l1
-    c20: R,
-    c21: R, // l1 / l2
-    c22: R, // l2 / l1
-    c23: R, // m1 / m2
-    c24: R, // (l2 - l2 / l1 * l1 - product_error(l2 / l1, l1)) / l1
-    c25: R, c26: R, c27: R,
-    c28: R, // -((g - g / l1 * l1 - product_error(g / l1, l1)) / l1)
-    c29: R, // (m1 - m1 / m2 * m2 - product_error(m1 / m2, m2)) / m2
-    c30: R, // (l2 - l2 / l1 * l1 - product_error(l2 / l1, l1)) / l1
-    c31: R,
-    c32: R, // (l2 - l2 / l1 * l1 - product_error(l2 / l1, l1)) / l1
-    c33: R, // (m1 - m1 / m2 * m2 - product_error(m1 / m2, m2)) / m2
+    c5: R,
+    c6: R, // -(g / l1)
+    c7: R, // -(m1 / m2)
+    c8: R, // 2 * m1 / m2
+    c9: R, // (m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * (l2 * l2))
+    c10: R, c11: R,
+    c12: R, // -(m2 * l2 * g)
+    c13: R, // 0.5 * m1 * (l1 * l1)
+    c14: R, // 0.5 * m2 * (l2 * l2)
+    c15: R,
+    c16: R, // 10 * l2 / l1
+    c17: R,
+    c18: R, // l2 / l1
+    c19: R,
+    c20: R, // l1 / l2
+    c21: R, // l2 / l1
+    c22: R, // (l2 - l2 / l1 * l1 - product_error(l2 / l1, l1)) / l1
+    c23: R, c24: R, c25: R,
+    c26: R, // -((g - g / l1 * l1 - product_error(g / l1, l1)) / l1)
+    c27: R, // -((m1 - m1 / m2 * m2 - product_error(m1 / m2, m2)) / m2)
+    c28: R, // (2 * m1 - 2 * m1 / m2 * m2 - product_error(2 * m1 / m2, m2) + product_error(2, m1)) / m2
+    c29: R, // (l2 - l2 / l1 * l1 - product_error(l2 / l1, l1)) / l1
+    c30: R,
+    c31: R, // (l2 - l2 / l1 * l1 - product_error(l2 / l1, l1)) / l1
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 139 additions, 128 multiplications (10 fused), 21 divisions, 6 sign changes.
+    /// Operations: 241 additions, 186 multiplications (24 fused), 21 divisions, 8 sign changes.
     ///
     /// # Errors
     ///
@@ -109,60 +108,75 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let Params { m1, m2, l1, l2, g, p } = *params;
         let t0 = l2 / l1;
         let t1 = (l2 - t0 * l1 - R::product_error(t0, l1)) / l1;
-        let t2 = R::from_f64(2.0) * m2;
-        let t3 = t2 * l1;
-        let t4 = t3 * l2;
-        let t5 = l1 * l1;
-        let t6 = R::product_error(l1, l1);
-        let t7 = m1 * t5;
-        let t8 = m2 * t5;
-        let t9 = fma(m2, t6, R::product_error(m2, t5));
-        let t10 = t7 + t8;
-        let t11 = R::sum_error(t7, t8) + (fma(m1, t6, R::product_error(m1, t5)) + t9);
-        let t12 = R::sum_error(t10, t11);
-        let A_theta1_dot_theta1_dot = t10 + t11;
-        let t13 = t4 / A_theta1_dot_theta1_dot;
-        let t14 = t4 - t13 * A_theta1_dot_theta1_dot - R::product_error(t13, A_theta1_dot_theta1_dot) + fma(l2, fma(l1, R::product_error(R::from_f64(2.0), m2), R::product_error(t2, l1)), R::product_error(t3, l2));
-        let t15 = m2 * l1;
-        let t16 = t15 * l2;
-        let t17 = A_theta1_dot_theta1_dot / t16;
-        let t18 = fma(-t17, fma(l2, R::product_error(m2, l1), R::product_error(t15, l2)), A_theta1_dot_theta1_dot - t17 * t16 - R::product_error(t17, t16) + t12) / t16;
-        let t19 = l1 / l2;
-        let t20 = g * A_theta1_dot_theta1_dot;
-        let t21 = t8 * l2;
-        let t22 = t20 / t21;
-        let t23 = g / l1;
-        let t24 = m1 / m2;
-        let t25 = (m1 - t24 * m2 - R::product_error(t24, m2)) / m2;
-        let t26 = m2 * m2;
-        let t27 = t26 * m2;
-        let t28 = t5 * l1;
-        let t29 = l2 * l2;
-        let t30 = t29 * l2;
-        let t31 = t5 * t5;
-        let t32 = m1 * t26;
+        let t2 = m2 * m2;
+        let t3 = t2 * m2;
+        let t4 = R::product_error(t2, m2);
+        let t5 = R::from_f64(2.0) * t3;
+        let t6 = l1 * l1;
+        let t7 = R::product_error(l1, l1);
+        let t8 = t6 * l1;
+        let t9 = fma(l1, t7, R::product_error(t6, l1));
+        let t10 = t5 * t8;
+        let t11 = l2 * l2;
+        let t12 = t11 * l2;
+        let t13 = R::product_error(t11, l2);
+        let t14 = t10 * t12;
+        let t15 = fma(t12, fma(t8, fma(R::from_f64(2.0), t4, R::product_error(R::from_f64(2.0), t3)), fma(t5, t9, R::product_error(t5, t8))), fma(t10, t13, R::product_error(t10, t12)));
+        let t16 = t6 * t6;
+        let t17 = fma(t6, t7, fma(t6, t7, R::product_error(t6, t6)));
+        let t18 = t3 * t16;
+        let t19 = t18 * t11;
+        let t20 = m1 * t2;
+        let t21 = t20 * t16;
+        let t22 = t21 * t11;
+        let t23 = t19 + t22;
+        let t24 = fma(t11, fma(t16, t4, fma(t3, t17, R::product_error(t3, t16))), R::product_error(t18, t11)) + fma(t11, fma(t16, R::product_error(m1, t2), fma(t20, t17, R::product_error(t20, t16))), R::product_error(t21, t11));
+        let t25 = R::sum_error(t19, t22) + t24;
+        let t26 = R::sum_error(t23, t25);
+        let t27 = t23 + t25;
+        let t28 = t14 / t27;
+        let t29 = t3 * t8;
+        let t30 = t29 * t12;
+        let t31 = t27 / t30;
+        let t32 = fma(-t31, fma(t12, fma(t8, t4, fma(t3, t9, R::product_error(t3, t8))), fma(t29, t13, R::product_error(t29, t12))), t27 - t31 * t30 - R::product_error(t31, t30) + t26);
+        let t33 = t32 / t30;
+        let t34 = m2 * l1;
+        let t35 = R::product_error(m2, l1);
+        let t36 = t34 * l2;
+        let t37 = l1 / l2;
+        let t38 = m1 * l1;
+        let t39 = t38 * g;
+        let t40 = t34 * g;
+        let t41 = t39 + t40;
+        let t42 = R::sum_error(t39, t40) + (fma(g, R::product_error(m1, l1), R::product_error(t38, g)) + fma(g, t35, R::product_error(t34, g)));
+        let t43 = t41 + t42;
+        let t44 = t43 / t36;
+        let t45 = g / l1;
+        let t46 = m1 / m2;
+        let t47 = R::from_f64(2.0) * m1;
+        let t48 = t47 / m2;
         ::hamel_runtime::ParamError::require(m1.all_gt(R::ZERO), "m1 > 0", "")?;
         ::hamel_runtime::ParamError::require(m2.all_gt(R::ZERO), "m2 > 0", "")?;
         ::hamel_runtime::ParamError::require(l1.all_gt(R::ZERO), "l1 > 0", "")?;
         ::hamel_runtime::ParamError::require(l2.all_gt(R::ZERO), "l2 > 0", "")?;
         Ok(Self {
-            c0: t0, c1: t13, c2: t17, c3: p / t16, c4: t19, c5: R::from_f64(2.0) * l1 / l2, c6: -t22, c7: -t23,
-            c8: t24,
-            c9: R::from_f64(2.0) * t27 * t28 * t30 / (t27 * t31 * t29 + t32 * t31 * t29),
-            c10: A_theta1_dot_theta1_dot / (m2 * t29),
-            c11: (t26 * t28 * l2 * p + m1 * m2 * t28 * l2 * p) / (t27 * t28 * t30 + t32 * t28 * t30),
-            c12: -(m1 * l1 * g + t15 * g), c13: -(m2 * l2 * g),
-            c14: R::from_f64(0.5) * m1 * t5,
-            c15: R::from_f64(0.5) * m2 * t29,
-            c16: t16 / A_theta1_dot_theta1_dot,
-            c17: R::from_f64(10.0) * l2 / l1,
-            c18: R::from_f64(10.0) * A_theta1_dot_theta1_dot / t16,
-            c19: t0, c20: t17, c21: t19, c22: t0, c23: t24, c24: t1,
-            c25: fma(-t13, t12, t14) / A_theta1_dot_theta1_dot,
-            c26: t18,
-            c27: -(fma(-t22, fma(l2, t9, R::product_error(t8, l2)), t20 - t22 * t21 - R::product_error(t22, t21) + fma(g, t12, R::product_error(g, A_theta1_dot_theta1_dot))) / t21),
-            c28: -((g - t23 * l1 - R::product_error(t23, l1)) / l1),
-            c29: t25, c30: t1, c31: t18, c32: t1, c33: t25,
+            c0: t0, c1: t28, c2: t31, c3: p / t36, c4: t37, c5: -t44, c6: -t45, c7: -t46, c8: t48,
+            c9: (m1 * t6 + m2 * t6) / (m2 * t11),
+            c10: (t2 * t8 * l2 * p + m1 * m2 * t8 * l2 * p) / (t30 + t20 * t8 * t12),
+            c11: -t43, c12: -(m2 * l2 * g),
+            c13: R::from_f64(0.5) * m1 * t6,
+            c14: R::from_f64(0.5) * m2 * t11,
+            c15: t30 / t27,
+            c16: R::from_f64(10.0) * l2 / l1,
+            c17: R::from_f64(10.0) * t27 / t30,
+            c18: t0, c19: t31, c20: t37, c21: t0, c22: t1,
+            c23: fma(-t28, t26, t14 - t28 * t27 - R::product_error(t28, t27) + t15) / t27,
+            c24: t33,
+            c25: -(fma(-t44, fma(l2, t35, R::product_error(t34, l2)), t43 - t44 * t36 - R::product_error(t44, t36) + R::sum_error(t41, t42)) / t36),
+            c26: -((g - t45 * l1 - R::product_error(t45, l1)) / l1),
+            c27: -((m1 - t46 * m2 - R::product_error(t46, m2)) / m2),
+            c28: (t47 - t48 * m2 - R::product_error(t48, m2) + R::product_error(R::from_f64(2.0), m1)) / m2,
+            c29: t1, c30: t33, c31: t1,
         })
     }
 
@@ -174,7 +188,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain double_spherical_pendulum
     /// ```
     ///
-    /// Operations: 1343 additions, 609 multiplications (142 fused), 8 divisions, 31 sign changes, 3 elementary functions.
+    /// Operations: 1399 additions, 624 multiplications (152 fused), 8 divisions, 30 sign changes, 3 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [theta1, theta2, phi, theta1_dot, theta2_dot, phi_dot] = *y;
@@ -192,265 +206,281 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t12 = R::circle_error(t10, t11);
         let t13 = t12 * t10;
         let t14 = t12 * t11;
-        let t15 = t6 * t11;
-        let t16 = fma(t11, t9, fma(t6, t14, R::product_error(t6, t11)));
-        let t17 = t0 * t5;
-        let t18 = t1 * t15;
-        let t19 = t18 + t17;
-        let t20 = R::sum_error(t18, t17) + (fma(t15, t4, fma(t1, t16, R::product_error(t1, t15))) + fma(t5, t3, fma(t0, t8, R::product_error(t0, t5))));
-        let A_theta1_dot_theta2_dot_over_m2_l1_l2 = t19 + t20;
-        let t21 = t5 * t10;
-        let t22 = fma(t10, t8, fma(t5, t13, R::product_error(t5, t10)));
-        let t23 = t1 * t21;
-        let t24 = fma(t21, t4, fma(t1, t22, R::product_error(t1, t21)));
-        let t25 = self.c0 * t5;
-        let t26 = fma(t5, self.c24, fma(self.c0, t8, R::product_error(self.c0, t5)));
-        let A_phi_dot_phi_dot_over_m2_l1_l2 = t5 * t25;
-        let t27 = fma(t25, t8, fma(t5, t26, R::product_error(t5, t25)));
-        let t28 = t11 * t5;
-        let t29 = fma(t5, t14, fma(t11, t8, R::product_error(t11, t5)));
-        let t30 = t0 * t28;
-        let t31 = t30 + A_phi_dot_phi_dot_over_m2_l1_l2;
-        let t32 = R::sum_error(t30, A_phi_dot_phi_dot_over_m2_l1_l2) + (fma(t28, t3, fma(t0, t29, R::product_error(t0, t28))) + t27);
-        let t33 = R::sum_error(t31, t32);
-        let A_phi_dot_phi1_dot_over_m2_l1_l2 = t31 + t32;
-        let t34 = t28 * self.c1;
-        let t35 = t34 + t0;
-        let t36 = R::sum_error(t34, t0) + (fma(self.c1, t29, fma(t28, self.c25, R::product_error(t28, self.c1))) + t3);
-        let t37 = t35 + t36;
-        let t38 = self.c2 * t0;
-        let t39 = t37 * t38;
-        let t40 = t39 + A_phi_dot_phi_dot_over_m2_l1_l2;
-        let t41 = R::sum_error(t39, A_phi_dot_phi_dot_over_m2_l1_l2) + (fma(t38, R::sum_error(t35, t36), fma(t37, fma(t0, self.c26, fma(self.c2, t3, R::product_error(self.c2, t0))), R::product_error(t37, t38))) + t27);
-        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = t40 + t41;
+        let t15 = t5 * t10;
+        let t16 = fma(t10, t8, fma(t5, t13, R::product_error(t5, t10)));
+        let t17 = t1 * t15;
+        let t18 = fma(t15, t4, fma(t1, t16, R::product_error(t1, t15)));
+        let t19 = t5 * t5;
+        let t20 = self.c0 * t19;
+        let t21 = fma(t19, self.c22, fma(self.c0, fma(t5, t8, fma(t5, t8, R::product_error(t5, t5))), R::product_error(self.c0, t19)));
+        let t22 = t11 * t5;
+        let t23 = fma(t5, t14, fma(t11, t8, R::product_error(t11, t5)));
+        let t24 = t22 * self.c1;
+        let t25 = t24 + t0;
+        let t26 = R::sum_error(t24, t0) + (fma(self.c1, t23, fma(t22, self.c23, R::product_error(t22, self.c1))) + t3);
+        let t27 = t25 + t26;
+        let t28 = self.c2 * t0;
+        let t29 = t27 * t28;
+        let t30 = t29 + t20;
+        let t31 = R::sum_error(t29, t20) + (fma(t28, R::sum_error(t25, t26), fma(t27, fma(t0, self.c24, fma(self.c2, t3, R::product_error(self.c2, t0))), R::product_error(t27, t28))) + t21);
+        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = t30 + t31;
         // factors of A
-        let t42 = t6 * t10;
-        let t43 = fma(t10, t9, fma(t6, t13, R::product_error(t6, t10)));
-        let t44 = t0 * t42;
-        let t45 = fma(t42, t3, fma(t0, t43, R::product_error(t0, t42)));
-        let t46 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
-        let t47 = fma(-t46, R::sum_error(t40, t41), R::ONE - t46 * A_phi1_dot_phi1_dot_over_m2_l1_l2 - R::product_error(t46, A_phi1_dot_phi1_dot_over_m2_l1_l2)) / A_phi1_dot_phi1_dot_over_m2_l1_l2;
-        let A_l2_4 = t44 * t46;
-        let t48 = fma(t46, t45, fma(t44, t47, R::product_error(t44, t46)));
-        let t49 = t23 * t46;
-        let t50 = fma(t46, t24, fma(t23, t47, R::product_error(t23, t46)));
-        let A_l3_4 = A_phi_dot_phi1_dot_over_m2_l1_l2 * t46;
-        let t51 = fma(t46, t33, fma(A_phi_dot_phi1_dot_over_m2_l1_l2, t47, R::product_error(A_phi_dot_phi1_dot_over_m2_l1_l2, t46)));
-        let t52 = t44 * A_l2_4;
-        let t53 = self.c19 - t52;
-        let t54 = R::sum_error(self.c19, -t52) + (self.c30 - fma(A_l2_4, t45, fma(t44, t48, R::product_error(t44, A_l2_4))));
-        let A_s4_2_2_over_m2_l1_l2 = t53 + t54;
-        let t55 = t23 * A_l2_4;
-        let t56 = t55 + A_theta1_dot_theta2_dot_over_m2_l1_l2;
-        let t57 = R::sum_error(t55, A_theta1_dot_theta2_dot_over_m2_l1_l2) + (fma(A_l2_4, t24, fma(t23, t48, R::product_error(t23, A_l2_4))) + R::sum_error(t19, t20));
-        let t58 = R::sum_error(t56, t57);
-        let A_s4_2_1_over_m2_l1_l2 = t56 + t57;
-        let t59 = t23 * t49;
-        let t60 = self.c20 - t59;
-        let t61 = R::sum_error(self.c20, -t59) + (self.c31 - fma(t49, t24, fma(t23, t50, R::product_error(t23, t49))));
-        let A_s4_1_1_over_m2_l1_l2 = t60 + t61;
-        let t62 = A_phi_dot_phi1_dot_over_m2_l1_l2 * t49;
-        let t63 = t62 - t23;
-        let t64 = R::sum_error(t62, -t23) + (fma(t49, t33, fma(A_phi_dot_phi1_dot_over_m2_l1_l2, t50, R::product_error(A_phi_dot_phi1_dot_over_m2_l1_l2, t49))) - t24);
-        let A_s4_1_3_over_m2_l1_l2 = t63 + t64;
-        let t65 = A_phi_dot_phi1_dot_over_m2_l1_l2 * A_l3_4;
-        let t66 = A_phi_dot_phi_dot_over_m2_l1_l2 - t65;
-        let t67 = R::sum_error(A_phi_dot_phi_dot_over_m2_l1_l2, -t65) + (t27 - fma(A_l3_4, t33, fma(A_phi_dot_phi1_dot_over_m2_l1_l2, t51, R::product_error(A_phi_dot_phi1_dot_over_m2_l1_l2, A_l3_4))));
-        let A_s4_3_3_over_m2_l1_l2 = t66 + t67;
-        let t68 = A_s4_2_2_over_m2_l1_l2.recip();
-        let t69 = fma(-t68, R::sum_error(t53, t54), R::ONE - t68 * A_s4_2_2_over_m2_l1_l2 - R::product_error(t68, A_s4_2_2_over_m2_l1_l2)) / A_s4_2_2_over_m2_l1_l2;
-        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t68;
-        let t70 = fma(t68, t58, fma(A_s4_2_1_over_m2_l1_l2, t69, R::product_error(A_s4_2_1_over_m2_l1_l2, t68)));
-        let t71 = A_phi_dot_phi1_dot_over_m2_l1_l2 * A_l2_4;
-        let t72 = fma(A_l2_4, t33, fma(A_phi_dot_phi1_dot_over_m2_l1_l2, t48, R::product_error(A_phi_dot_phi1_dot_over_m2_l1_l2, A_l2_4)));
-        let t73 = t71 * t68;
-        let t74 = fma(t68, t72, fma(t71, t69, R::product_error(t71, t68)));
-        let t75 = A_s4_2_1_over_m2_l1_l2 * A_l1_2;
-        let t76 = A_s4_1_1_over_m2_l1_l2 - t75;
-        let t77 = R::sum_error(A_s4_1_1_over_m2_l1_l2, -t75) + (R::sum_error(t60, t61) - fma(A_l1_2, t58, fma(A_s4_2_1_over_m2_l1_l2, t70, R::product_error(A_s4_2_1_over_m2_l1_l2, A_l1_2))));
-        let A_s2_1_1_over_m2_l1_l2 = t76 + t77;
-        let t78 = A_l1_2 * t71;
-        let t79 = t78 + A_s4_1_3_over_m2_l1_l2;
-        let t80 = R::sum_error(t78, A_s4_1_3_over_m2_l1_l2) + (fma(t71, t70, fma(A_l1_2, t72, R::product_error(A_l1_2, t71))) + R::sum_error(t63, t64));
-        let t81 = R::sum_error(t79, t80);
-        let A_s2_1_3_over_m2_l1_l2 = t79 + t80;
-        let t82 = t71 * t73;
-        let t83 = A_s4_3_3_over_m2_l1_l2 - t82;
-        let t84 = R::sum_error(A_s4_3_3_over_m2_l1_l2, -t82) + (R::sum_error(t66, t67) - fma(t73, t72, fma(t71, t74, R::product_error(t71, t73))));
-        let A_s2_3_3_over_m2_l1_l2 = t83 + t84;
-        let t85 = A_s2_1_1_over_m2_l1_l2.recip();
-        let t86 = fma(-t85, R::sum_error(t76, t77), R::ONE - t85 * A_s2_1_1_over_m2_l1_l2 - R::product_error(t85, A_s2_1_1_over_m2_l1_l2)) / A_s2_1_1_over_m2_l1_l2;
-        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t85;
-        let t87 = fma(t85, t81, fma(A_s2_1_3_over_m2_l1_l2, t86, R::product_error(A_s2_1_3_over_m2_l1_l2, t85)));
-        let t88 = A_s2_1_3_over_m2_l1_l2 * A_l3_1;
-        let t89 = A_s2_3_3_over_m2_l1_l2 - t88;
-        let t90 = R::sum_error(A_s2_3_3_over_m2_l1_l2, -t88) + (R::sum_error(t83, t84) - fma(A_l3_1, t81, fma(A_s2_1_3_over_m2_l1_l2, t87, R::product_error(A_s2_1_3_over_m2_l1_l2, A_l3_1))));
-        let A_s1_3_3_over_m2_l1_l2 = t89 + t90;
+        let t32 = t6 * t10;
+        let t33 = fma(t10, t9, fma(t6, t13, R::product_error(t6, t10)));
+        let t34 = t0 * t32;
+        let t35 = fma(t32, t3, fma(t0, t33, R::product_error(t0, t32)));
+        let t36 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
+        let t37 = fma(-t36, R::sum_error(t30, t31), R::ONE - t36 * A_phi1_dot_phi1_dot_over_m2_l1_l2 - R::product_error(t36, A_phi1_dot_phi1_dot_over_m2_l1_l2)) / A_phi1_dot_phi1_dot_over_m2_l1_l2;
+        let A_l2_4 = t34 * t36;
+        let t38 = fma(t36, t35, fma(t34, t37, R::product_error(t34, t36)));
+        let t39 = t17 * t36;
+        let t40 = fma(t36, t18, fma(t17, t37, R::product_error(t17, t36)));
+        let t41 = t0 * t22;
+        let t42 = t41 + t20;
+        let t43 = R::sum_error(t41, t20) + (fma(t22, t3, fma(t0, t23, R::product_error(t0, t22))) + t21);
+        let t44 = R::sum_error(t42, t43);
+        let t45 = t42 + t43;
+        let A_l3_4 = t45 * t36;
+        let t46 = fma(t36, t44, fma(t45, t37, R::product_error(t45, t36)));
+        let t47 = t34 * A_l2_4;
+        let t48 = self.c18 - t47;
+        let t49 = R::sum_error(self.c18, -t47) + (self.c29 - fma(A_l2_4, t35, fma(t34, t38, R::product_error(t34, A_l2_4))));
+        let A_s4_2_2_over_m2_l1_l2 = t48 + t49;
+        let t50 = t6 * t11;
+        let t51 = fma(t11, t9, fma(t6, t14, R::product_error(t6, t11)));
+        let t52 = t0 * t5;
+        let t53 = t1 * t50;
+        let t54 = t53 + t52;
+        let t55 = R::sum_error(t53, t52) + (fma(t50, t4, fma(t1, t51, R::product_error(t1, t50))) + fma(t5, t3, fma(t0, t8, R::product_error(t0, t5))));
+        let t56 = t54 + t55;
+        let t57 = t17 * A_l2_4;
+        let t58 = t57 + t56;
+        let t59 = R::sum_error(t57, t56) + (fma(A_l2_4, t18, fma(t17, t38, R::product_error(t17, A_l2_4))) + R::sum_error(t54, t55));
+        let t60 = R::sum_error(t58, t59);
+        let A_s4_2_1_over_m2_l1_l2 = t58 + t59;
+        let t61 = t17 * t39;
+        let t62 = self.c19 - t61;
+        let t63 = R::sum_error(self.c19, -t61) + (self.c30 - fma(t39, t18, fma(t17, t40, R::product_error(t17, t39))));
+        let A_s4_1_1_over_m2_l1_l2 = t62 + t63;
+        let t64 = t39 * t45;
+        let t65 = t64 - t17;
+        let t66 = R::sum_error(t64, -t17) + (fma(t45, t40, fma(t39, t44, R::product_error(t39, t45))) - t18);
+        let A_s4_1_3_over_m2_l1_l2 = t65 + t66;
+        let t67 = t45 * A_l3_4;
+        let t68 = t20 - t67;
+        let t69 = R::sum_error(t20, -t67) + (t21 - fma(A_l3_4, t44, fma(t45, t46, R::product_error(t45, A_l3_4))));
+        let A_s4_3_3_over_m2_l1_l2 = t68 + t69;
+        let t70 = A_s4_2_2_over_m2_l1_l2.recip();
+        let t71 = fma(-t70, R::sum_error(t48, t49), R::ONE - t70 * A_s4_2_2_over_m2_l1_l2 - R::product_error(t70, A_s4_2_2_over_m2_l1_l2)) / A_s4_2_2_over_m2_l1_l2;
+        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t70;
+        let t72 = fma(t70, t60, fma(A_s4_2_1_over_m2_l1_l2, t71, R::product_error(A_s4_2_1_over_m2_l1_l2, t70)));
+        let t73 = A_l2_4 * t45;
+        let t74 = fma(t45, t38, fma(A_l2_4, t44, R::product_error(A_l2_4, t45)));
+        let t75 = t73 * t70;
+        let t76 = fma(t70, t74, fma(t73, t71, R::product_error(t73, t70)));
+        let t77 = A_s4_2_1_over_m2_l1_l2 * A_l1_2;
+        let t78 = A_s4_1_1_over_m2_l1_l2 - t77;
+        let t79 = R::sum_error(A_s4_1_1_over_m2_l1_l2, -t77) + (R::sum_error(t62, t63) - fma(A_l1_2, t60, fma(A_s4_2_1_over_m2_l1_l2, t72, R::product_error(A_s4_2_1_over_m2_l1_l2, A_l1_2))));
+        let A_s2_1_1_over_m2_l1_l2 = t78 + t79;
+        let t80 = A_l1_2 * t73;
+        let t81 = t80 + A_s4_1_3_over_m2_l1_l2;
+        let t82 = R::sum_error(t80, A_s4_1_3_over_m2_l1_l2) + (fma(t73, t72, fma(A_l1_2, t74, R::product_error(A_l1_2, t73))) + R::sum_error(t65, t66));
+        let t83 = R::sum_error(t81, t82);
+        let A_s2_1_3_over_m2_l1_l2 = t81 + t82;
+        let t84 = t73 * t75;
+        let t85 = A_s4_3_3_over_m2_l1_l2 - t84;
+        let t86 = R::sum_error(A_s4_3_3_over_m2_l1_l2, -t84) + (R::sum_error(t68, t69) - fma(t75, t74, fma(t73, t76, R::product_error(t73, t75))));
+        let A_s2_3_3_over_m2_l1_l2 = t85 + t86;
+        let t87 = A_s2_1_1_over_m2_l1_l2.recip();
+        let t88 = fma(-t87, R::sum_error(t78, t79), R::ONE - t87 * A_s2_1_1_over_m2_l1_l2 - R::product_error(t87, A_s2_1_1_over_m2_l1_l2)) / A_s2_1_1_over_m2_l1_l2;
+        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t87;
+        let t89 = fma(t87, t83, fma(A_s2_1_3_over_m2_l1_l2, t88, R::product_error(A_s2_1_3_over_m2_l1_l2, t87)));
+        let t90 = A_s2_1_3_over_m2_l1_l2 * A_l3_1;
+        let t91 = A_s2_3_3_over_m2_l1_l2 - t90;
+        let t92 = R::sum_error(A_s2_3_3_over_m2_l1_l2, -t90) + (R::sum_error(t85, t86) - fma(A_l3_1, t83, fma(A_s2_1_3_over_m2_l1_l2, t89, R::product_error(A_s2_1_3_over_m2_l1_l2, A_l3_1))));
+        let A_s1_3_3_over_m2_l1_l2 = t91 + t92;
         // velocities of the momenta pi = W^T dL/dy
-        let t91 = fma(theta1_dot, t23, fma(-theta2_dot, t44, self.c3));
-        let t92 = phi_dot * A_phi_dot_phi1_dot_over_m2_l1_l2;
-        let t93 = t91 - t92;
-        let t94 = R::sum_error(t91, -t92) + -fma(phi_dot, t33, R::product_error(phi_dot, A_phi_dot_phi1_dot_over_m2_l1_l2));
-        let q_phi1_dot_over_m2_l1_l2 = t93 + t94;
-        let phi1_dot = q_phi1_dot_over_m2_l1_l2 * t46;
+        let t93 = fma(theta1_dot, t17, fma(-theta2_dot, t34, self.c3));
+        let t94 = phi_dot * t45;
+        let t95 = t93 - t94;
+        let t96 = R::sum_error(t93, -t94) + -fma(phi_dot, t44, R::product_error(phi_dot, t45));
+        let q_phi1_dot_over_m2_l1_l2 = t95 + t96;
+        let phi1_dot = q_phi1_dot_over_m2_l1_l2 * t36;
+        let t97 = fma(t36, R::sum_error(t95, t96), fma(q_phi1_dot_over_m2_l1_l2, t37, R::product_error(q_phi1_dot_over_m2_l1_l2, t36)));
+        // velocities v in squares m/2 |v|^2
+        let t98 = self.c4 * theta1_dot;
+        let v1_1_over_l2 = t1 * t98;
+        let t99 = fma(t98, t4, R::product_error(t1, t98));
+        let t100 = phi_dot + phi1_dot;
+        let t101 = R::sum_error(phi_dot, phi1_dot) + t97;
+        let t102 = R::sum_error(t100, t101);
+        let t103 = t100 + t101;
+        let t104 = theta2_dot * t50;
+        let t105 = t15 * t103;
+        let t106 = t104 - t105;
+        let t107 = R::sum_error(t104, -t105) + (fma(theta2_dot, t51, R::product_error(theta2_dot, t50)) - fma(t103, t16, fma(t15, t102, R::product_error(t15, t103))));
+        let t108 = R::sum_error(t106, t107);
+        let t109 = t106 + t107;
+        let t110 = v1_1_over_l2 + t109;
+        let t111 = R::sum_error(v1_1_over_l2, t109) + (t99 + t108);
+        let v2_1_over_l2 = t110 + t111;
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let t95 = theta1_dot * theta1_dot;
-        let t96 = phi1_dot * phi1_dot;
-        let t97 = t96 + t95;
-        let t98 = R::sum_error(t96, t95) + (R::product_error(phi1_dot, phi1_dot) + R::product_error(theta1_dot, theta1_dot));
-        let t99 = t97 + t98;
-        let t100 = self.c4 * t0;
-        let t101 = t99 * t100;
-        let t102 = fma(t100, R::sum_error(t97, t98), fma(t99, fma(self.c4, t3, R::product_error(self.c4, t0)), R::product_error(t99, t100)));
-        let t103 = theta1_dot * t1;
-        let a1_2_over_l2 = phi1_dot * (self.c5 * t103);
-        let t104 = self.c21 * theta1_dot;
-        let a1_3_over_l2 = t103 * t104;
-        let t105 = phi_dot + phi1_dot + fma(t46, R::sum_error(t93, t94), fma(q_phi1_dot_over_m2_l1_l2, t47, R::product_error(q_phi1_dot_over_m2_l1_l2, t46)));
-        let t106 = theta2_dot * t28;
-        let t107 = t42 * t105;
-        let t108 = t107 + t106;
-        let t109 = R::sum_error(t107, t106) + (fma(t105, t43, R::product_error(t42, t105)) + fma(theta2_dot, t29, R::product_error(theta2_dot, t28)));
-        let t110 = t108 + t109;
-        let t111 = theta2_dot * t42;
-        let t112 = t28 * t105;
-        let t113 = t112 + t111;
-        let t114 = R::sum_error(t112, t111) + (fma(t105, t29, R::product_error(t28, t105)) + fma(theta2_dot, t43, R::product_error(theta2_dot, t42)));
-        let t115 = t113 + t114;
-        let t116 = theta2_dot * t110;
-        let t117 = t116 + t101;
-        let t118 = R::sum_error(t116, t101) + (fma(theta2_dot, R::sum_error(t108, t109), R::product_error(theta2_dot, t110)) + t102);
-        let t119 = -(t117 + t118);
-        let t120 = t105 * t115;
-        let t121 = t119 - t120;
-        let t122 = R::sum_error(t119, -t120) + (-R::sum_error(t117, t118) - fma(t105, R::sum_error(t113, t114), R::product_error(t105, t115)));
-        let t123 = R::sum_error(t121, t122);
-        let a2_1_over_l2 = t121 + t122;
-        let t124 = theta2_dot * t15;
-        let t125 = t21 * t105;
-        let t126 = t124 - t125;
-        let t127 = R::sum_error(t124, -t125) + (fma(theta2_dot, t16, R::product_error(theta2_dot, t15)) - fma(t105, t22, R::product_error(t21, t105)));
-        let t128 = t126 + t127;
-        let t129 = theta2_dot * t21;
-        let t130 = t15 * t105;
-        let t131 = t129 - t130;
-        let t132 = R::sum_error(t129, -t130) + (fma(theta2_dot, t22, R::product_error(theta2_dot, t21)) - fma(t105, t16, R::product_error(t15, t105)));
-        let t133 = t131 + t132;
-        let t134 = t105 * t128;
-        let t135 = t134 + a1_2_over_l2;
-        let t136 = R::sum_error(t134, a1_2_over_l2) + fma(t105, R::sum_error(t126, t127), R::product_error(t105, t128));
-        let t137 = t135 + t136;
-        let t138 = theta2_dot * t133;
-        let t139 = t137 - t138;
-        let t140 = R::sum_error(t137, -t138) + (R::sum_error(t135, t136) - fma(theta2_dot, R::sum_error(t131, t132), R::product_error(theta2_dot, t133)));
-        let t141 = R::sum_error(t139, t140);
-        let a2_2_over_l2 = t139 + t140;
-        let t142 = theta2_dot * theta2_dot;
-        let t143 = t6 * t142;
-        let t144 = t143 + a1_3_over_l2;
-        let t145 = R::sum_error(t143, a1_3_over_l2) + fma(t142, t9, fma(t6, R::product_error(theta2_dot, theta2_dot), R::product_error(t6, t142)));
-        let t146 = R::sum_error(t144, t145);
-        let a2_3_over_l2 = t144 + t145;
+        let t112 = phi1_dot * phi1_dot;
+        let t113 = theta1_dot * t98;
+        let t114 = self.c20 * t112;
+        let t115 = t114 + t113;
+        let t116 = R::sum_error(t114, t113) + (R::product_error(self.c20, t112) + R::product_error(theta1_dot, t98));
+        let t117 = t115 + t116;
+        let t118 = t0 * t117;
+        let t119 = fma(t117, t3, fma(t0, R::sum_error(t115, t116), R::product_error(t0, t117)));
+        let a1_3_over_l2 = theta1_dot * v1_1_over_l2;
+        let t120 = theta2_dot * t22;
+        let t121 = t32 * t103;
+        let t122 = t121 + t120;
+        let t123 = R::sum_error(t121, t120) + (fma(t103, t33, fma(t32, t102, R::product_error(t32, t103))) + fma(theta2_dot, t23, R::product_error(theta2_dot, t22)));
+        let t124 = t122 + t123;
+        let t125 = theta2_dot * t32;
+        let t126 = t22 * t103;
+        let t127 = t126 + t125;
+        let t128 = R::sum_error(t126, t125) + (fma(t103, t23, fma(t22, t102, R::product_error(t22, t103))) + fma(theta2_dot, t33, R::product_error(theta2_dot, t32)));
+        let t129 = t127 + t128;
+        let t130 = theta2_dot * t124;
+        let t131 = t130 + t118;
+        let t132 = R::sum_error(t130, t118) + (fma(theta2_dot, R::sum_error(t122, t123), R::product_error(theta2_dot, t124)) + t119);
+        let t133 = -(t131 + t132);
+        let t134 = t103 * t129;
+        let t135 = t133 - t134;
+        let t136 = R::sum_error(t133, -t134) + (-R::sum_error(t131, t132) - fma(t129, t102, fma(t103, R::sum_error(t127, t128), R::product_error(t103, t129))));
+        let t137 = R::sum_error(t135, t136);
+        let a2_1_over_l2 = t135 + t136;
+        let t138 = phi1_dot * v1_1_over_l2;
+        let t139 = fma(v1_1_over_l2, t97, fma(phi1_dot, t99, R::product_error(phi1_dot, v1_1_over_l2)));
+        let t140 = theta2_dot * t15;
+        let t141 = t50 * t103;
+        let t142 = t140 - t141;
+        let t143 = R::sum_error(t140, -t141) + (fma(theta2_dot, t16, R::product_error(theta2_dot, t15)) - fma(t103, t51, fma(t50, t102, R::product_error(t50, t103))));
+        let t144 = t142 + t143;
+        let t145 = phi_dot * t109;
+        let t146 = t145 + t138;
+        let t147 = R::sum_error(t145, t138) + (fma(phi_dot, t108, R::product_error(phi_dot, t109)) + t139);
+        let t148 = t146 + t147;
+        let t149 = theta2_dot * t144;
+        let t150 = t148 - t149;
+        let t151 = R::sum_error(t148, -t149) + (R::sum_error(t146, t147) - fma(theta2_dot, R::sum_error(t142, t143), R::product_error(theta2_dot, t144)));
+        let t152 = t150 + t151;
+        let t153 = phi1_dot * v2_1_over_l2;
+        let t154 = t153 + t152;
+        let t155 = R::sum_error(t153, t152) + (fma(v2_1_over_l2, t97, fma(phi1_dot, R::sum_error(t110, t111), R::product_error(phi1_dot, v2_1_over_l2))) + R::sum_error(t150, t151));
+        let t156 = R::sum_error(t154, t155);
+        let a2_2_over_l2 = t154 + t155;
+        let t157 = theta2_dot * theta2_dot;
+        let t158 = t6 * t157;
+        let t159 = t158 + a1_3_over_l2;
+        let t160 = R::sum_error(t158, a1_3_over_l2) + fma(t157, t9, fma(t6, R::product_error(theta2_dot, theta2_dot), R::product_error(t6, t157)));
+        let t161 = R::sum_error(t159, t160);
+        let a2_3_over_l2 = t159 + t160;
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t147 = self.c6 * t0;
-        let t148 = self.c7 * t5;
-        let t149 = t0 * a1_3_over_l2;
-        let t150 = fma(t0, fma(t104, fma(theta1_dot, t4, R::product_error(theta1_dot, t1)), fma(t103, R::product_error(self.c21, theta1_dot), R::product_error(t103, t104))), R::product_error(t0, a1_3_over_l2));
-        let t151 = t1 * t101;
-        let t152 = t149 - t151;
-        let t153 = R::sum_error(t149, -t151) + (fma(a1_3_over_l2, t3, t150) - fma(t101, t4, fma(t1, t102, R::product_error(t1, t101))));
-        let t154 = t152 + t153;
-        let t155 = t0 * a2_3_over_l2;
-        let t156 = t147 - t155;
-        let t157 = R::sum_error(t147, -t155) + (fma(t0, self.c27, fma(self.c6, t3, R::product_error(self.c6, t0))) - fma(a2_3_over_l2, t3, fma(t0, t146, R::product_error(t0, a2_3_over_l2))));
-        let t158 = t156 + t157;
-        let t159 = self.c8 * t154;
-        let t160 = t158 - t159;
-        let t161 = R::sum_error(t158, -t159) + (R::sum_error(t156, t157) - fma(t154, self.c29, fma(self.c8, R::sum_error(t152, t153), R::product_error(self.c8, t154))));
-        let t162 = t160 + t161;
-        let t163 = t1 * a2_1_over_l2;
-        let t164 = t162 - t163;
-        let t165 = R::sum_error(t162, -t163) + (R::sum_error(t160, t161) - fma(a2_1_over_l2, t4, fma(t1, t123, R::product_error(t1, a2_1_over_l2))));
-        let r_theta1_dot_over_m2_l1_l2 = t164 + t165;
-        let t166 = t15 * a2_1_over_l2;
-        let t167 = t42 * a2_2_over_l2;
-        let t168 = t167 + t166;
-        let t169 = R::sum_error(t167, t166) + (fma(a2_2_over_l2, t43, fma(t42, t141, R::product_error(t42, a2_2_over_l2))) + fma(a2_1_over_l2, t16, fma(t15, t123, R::product_error(t15, a2_1_over_l2))));
-        let t170 = t168 + t169;
-        let t171 = t25 * a2_3_over_l2;
-        let t172 = t148 - t171;
-        let t173 = R::sum_error(t148, -t171) + (fma(t5, self.c28, fma(self.c7, t8, R::product_error(self.c7, t5))) - fma(a2_3_over_l2, t26, fma(t25, t146, R::product_error(t25, a2_3_over_l2))));
-        let t174 = t172 + t173;
-        let t175 = self.c22 * t170;
-        let t176 = t174 - t175;
-        let t177 = R::sum_error(t174, -t175) + (R::sum_error(t172, t173) - fma(t170, self.c32, fma(self.c22, R::sum_error(t168, t169), R::product_error(self.c22, t170))));
-        let r_theta2_dot_over_m2_l1_l2 = t176 + t177;
-        let t178 = t11 * a2_2_over_l2;
-        let t179 = t10 * a2_1_over_l2;
-        let t180 = t178 - t179;
-        let t181 = R::sum_error(t178, -t179) + (fma(a2_2_over_l2, t14, fma(t11, t141, R::product_error(t11, a2_2_over_l2))) - fma(a2_1_over_l2, t13, fma(t10, t123, R::product_error(t10, a2_1_over_l2))));
-        let t182 = t180 + t181;
-        let t183 = t25 * t182;
-        let t184 = fma(t182, t26, fma(t25, R::sum_error(t180, t181), R::product_error(t25, t182)));
-        let t185 = a1_2_over_l2 * self.c23;
-        let t186 = t185 + a2_2_over_l2;
-        let t187 = R::sum_error(t185, a2_2_over_l2) + (fma(a1_2_over_l2, self.c33, R::product_error(a1_2_over_l2, self.c23)) + t141);
-        let t188 = t186 + t187;
-        let t189 = t0 * t188;
-        let t190 = t189 + t183;
-        let t191 = R::sum_error(t189, t183) + (fma(t188, t3, fma(t0, R::sum_error(t186, t187), R::product_error(t0, t188))) + t184);
-        let r_phi1_dot_over_m2_l1_l2 = -(t190 + t191);
-        let t192 = -R::sum_error(t190, t191);
+        let t162 = self.c5 * t0;
+        let t163 = self.c6 * t5;
+        let t164 = t0 * a1_3_over_l2;
+        let t165 = t1 * t118;
+        let t166 = t164 - t165;
+        let t167 = fma(a1_3_over_l2, t3, fma(t0, fma(theta1_dot, t99, R::product_error(theta1_dot, v1_1_over_l2)), R::product_error(t0, a1_3_over_l2))) - fma(t118, t4, fma(t1, t119, R::product_error(t1, t118)));
+        let t168 = R::sum_error(t164, -t165) + t167;
+        let t169 = t166 + t168;
+        let t170 = t0 * a2_3_over_l2;
+        let t171 = t162 - t170;
+        let t172 = R::sum_error(t162, -t170) + (fma(t0, self.c25, fma(self.c5, t3, R::product_error(self.c5, t0))) - fma(a2_3_over_l2, t3, fma(t0, t161, R::product_error(t0, a2_3_over_l2))));
+        let t173 = t171 + t172;
+        let t174 = self.c7 * t169;
+        let t175 = t174 + t173;
+        let t176 = R::sum_error(t174, t173) + (fma(t169, self.c27, fma(self.c7, R::sum_error(t166, t168), R::product_error(self.c7, t169))) + R::sum_error(t171, t172));
+        let t177 = t175 + t176;
+        let t178 = t1 * a2_1_over_l2;
+        let t179 = t177 - t178;
+        let t180 = R::sum_error(t177, -t178) + (R::sum_error(t175, t176) - fma(a2_1_over_l2, t4, fma(t1, t137, R::product_error(t1, a2_1_over_l2))));
+        let r_theta1_dot_over_m2_l1_l2 = t179 + t180;
+        let t181 = self.c21 * t5;
+        let t182 = fma(t5, self.c31, fma(self.c21, t8, R::product_error(self.c21, t5)));
+        let t183 = t50 * a2_1_over_l2;
+        let t184 = t32 * a2_2_over_l2;
+        let t185 = t184 + t183;
+        let t186 = R::sum_error(t184, t183) + (fma(a2_2_over_l2, t33, fma(t32, t156, R::product_error(t32, a2_2_over_l2))) + fma(a2_1_over_l2, t51, fma(t50, t137, R::product_error(t50, a2_1_over_l2))));
+        let t187 = t185 + t186;
+        let t188 = a2_3_over_l2 * t181;
+        let t189 = t163 - t188;
+        let t190 = R::sum_error(t163, -t188) + (fma(t5, self.c26, fma(self.c6, t8, R::product_error(self.c6, t5))) - fma(t181, t161, fma(a2_3_over_l2, t182, R::product_error(a2_3_over_l2, t181))));
+        let t191 = t189 + t190;
+        let t192 = self.c0 * t187;
+        let t193 = t191 - t192;
+        let t194 = R::sum_error(t191, -t192) + (R::sum_error(t189, t190) - fma(t187, self.c22, fma(self.c0, R::sum_error(t185, t186), R::product_error(self.c0, t187))));
+        let r_theta2_dot_over_m2_l1_l2 = t193 + t194;
+        let t195 = t11 * a2_2_over_l2;
+        let t196 = t10 * a2_1_over_l2;
+        let t197 = t195 - t196;
+        let t198 = R::sum_error(t195, -t196) + (fma(a2_2_over_l2, t14, fma(t11, t156, R::product_error(t11, a2_2_over_l2))) - fma(a2_1_over_l2, t13, fma(t10, t137, R::product_error(t10, a2_1_over_l2))));
+        let t199 = t197 + t198;
+        let t200 = t181 * t199;
+        let t201 = fma(t199, t182, fma(t181, R::sum_error(t197, t198), R::product_error(t181, t199)));
+        let t202 = t138 * self.c8;
+        let t203 = t202 + a2_2_over_l2;
+        let t204 = R::sum_error(t202, a2_2_over_l2) + (fma(self.c8, t139, fma(t138, self.c28, R::product_error(t138, self.c8))) + t156);
+        let t205 = t203 + t204;
+        let t206 = t0 * t205;
+        let t207 = t206 + t200;
+        let t208 = R::sum_error(t206, t200) + (fma(t205, t3, fma(t0, R::sum_error(t203, t204), R::product_error(t0, t205))) + t201);
+        let r_phi1_dot_over_m2_l1_l2 = -(t207 + t208);
+        let t209 = -R::sum_error(t207, t208);
         // substitution through the factors of A
-        let t193 = A_l2_4 * r_phi1_dot_over_m2_l1_l2;
-        let t194 = r_theta2_dot_over_m2_l1_l2 - t193;
-        let t195 = R::sum_error(r_theta2_dot_over_m2_l1_l2, -t193) + (R::sum_error(t176, t177) - fma(r_phi1_dot_over_m2_l1_l2, t48, fma(A_l2_4, t192, R::product_error(A_l2_4, r_phi1_dot_over_m2_l1_l2))));
-        let t196 = R::sum_error(t194, t195);
-        let z_theta2_dot_over_m2_l1_l2 = t194 + t195;
-        let t197 = t49 * r_phi1_dot_over_m2_l1_l2;
-        let t198 = t197 + r_theta1_dot_over_m2_l1_l2;
-        let t199 = R::sum_error(t197, r_theta1_dot_over_m2_l1_l2) + (fma(r_phi1_dot_over_m2_l1_l2, t50, fma(t49, t192, R::product_error(t49, r_phi1_dot_over_m2_l1_l2))) + R::sum_error(t164, t165));
-        let t200 = t198 + t199;
-        let t201 = A_l1_2 * z_theta2_dot_over_m2_l1_l2;
-        let t202 = t200 - t201;
-        let t203 = R::sum_error(t200, -t201) + (R::sum_error(t198, t199) - fma(z_theta2_dot_over_m2_l1_l2, t70, fma(A_l1_2, t196, R::product_error(A_l1_2, z_theta2_dot_over_m2_l1_l2))));
-        let t204 = R::sum_error(t202, t203);
-        let z_theta1_dot_over_m2_l1_l2 = t202 + t203;
-        let t205 = A_l3_4 * r_phi1_dot_over_m2_l1_l2;
-        let t206 = t205 + t183;
-        let t207 = R::sum_error(t205, t183) + (fma(r_phi1_dot_over_m2_l1_l2, t51, fma(A_l3_4, t192, R::product_error(A_l3_4, r_phi1_dot_over_m2_l1_l2))) + t184);
-        let t208 = -(t206 + t207);
-        let t209 = t73 * z_theta2_dot_over_m2_l1_l2;
-        let t210 = t209 + t208;
-        let t211 = R::sum_error(t209, t208) + (fma(z_theta2_dot_over_m2_l1_l2, t74, fma(t73, t196, R::product_error(t73, z_theta2_dot_over_m2_l1_l2))) + -R::sum_error(t206, t207));
-        let t212 = t210 + t211;
-        let t213 = A_l3_1 * z_theta1_dot_over_m2_l1_l2;
-        let t214 = t212 - t213;
-        let t215 = R::sum_error(t212, -t213) + (R::sum_error(t210, t211) - fma(z_theta1_dot_over_m2_l1_l2, t87, fma(A_l3_1, t204, R::product_error(A_l3_1, z_theta1_dot_over_m2_l1_l2))));
-        let z_phi_dot_over_m2_l1_l2 = t214 + t215;
-        let dot_phi_dot = z_phi_dot_over_m2_l1_l2 / A_s1_3_3_over_m2_l1_l2;
-        let t216 = fma(-dot_phi_dot, R::sum_error(t89, t90), z_phi_dot_over_m2_l1_l2 - dot_phi_dot * A_s1_3_3_over_m2_l1_l2 - R::product_error(dot_phi_dot, A_s1_3_3_over_m2_l1_l2) + R::sum_error(t214, t215));
-        let t217 = t216 / A_s1_3_3_over_m2_l1_l2;
-        let t218 = z_theta1_dot_over_m2_l1_l2 * t85;
-        let t219 = A_l3_1 * dot_phi_dot;
-        let t220 = t218 - t219;
-        let t221 = fma(t85, t204, fma(z_theta1_dot_over_m2_l1_l2, t86, R::product_error(z_theta1_dot_over_m2_l1_l2, t85))) - fma(dot_phi_dot, t87, fma(A_l3_1, t217, R::product_error(A_l3_1, dot_phi_dot)));
-        let t222 = R::sum_error(t218, -t219) + t221;
-        let t223 = R::sum_error(t220, t222);
-        let dot_theta1_dot = t220 + t222;
-        let t224 = z_theta2_dot_over_m2_l1_l2 * t68;
-        let t225 = t73 * dot_phi_dot;
-        let t226 = t225 + t224;
-        let t227 = fma(dot_phi_dot, t74, fma(t73, t217, R::product_error(t73, dot_phi_dot))) + fma(t68, t196, fma(z_theta2_dot_over_m2_l1_l2, t69, R::product_error(z_theta2_dot_over_m2_l1_l2, t68)));
-        let t228 = R::sum_error(t225, t224) + t227;
-        let t229 = t226 + t228;
-        let t230 = A_l1_2 * dot_theta1_dot;
+        let t210 = A_l2_4 * r_phi1_dot_over_m2_l1_l2;
+        let t211 = r_theta2_dot_over_m2_l1_l2 - t210;
+        let t212 = R::sum_error(r_theta2_dot_over_m2_l1_l2, -t210) + (R::sum_error(t193, t194) - fma(r_phi1_dot_over_m2_l1_l2, t38, fma(A_l2_4, t209, R::product_error(A_l2_4, r_phi1_dot_over_m2_l1_l2))));
+        let t213 = R::sum_error(t211, t212);
+        let z_theta2_dot_over_m2_l1_l2 = t211 + t212;
+        let t214 = t39 * r_phi1_dot_over_m2_l1_l2;
+        let t215 = t214 + r_theta1_dot_over_m2_l1_l2;
+        let t216 = R::sum_error(t214, r_theta1_dot_over_m2_l1_l2) + (fma(r_phi1_dot_over_m2_l1_l2, t40, fma(t39, t209, R::product_error(t39, r_phi1_dot_over_m2_l1_l2))) + R::sum_error(t179, t180));
+        let t217 = t215 + t216;
+        let t218 = A_l1_2 * z_theta2_dot_over_m2_l1_l2;
+        let t219 = t217 - t218;
+        let t220 = R::sum_error(t217, -t218) + (R::sum_error(t215, t216) - fma(z_theta2_dot_over_m2_l1_l2, t72, fma(A_l1_2, t213, R::product_error(A_l1_2, z_theta2_dot_over_m2_l1_l2))));
+        let t221 = R::sum_error(t219, t220);
+        let z_theta1_dot_over_m2_l1_l2 = t219 + t220;
+        let t222 = A_l3_4 * r_phi1_dot_over_m2_l1_l2;
+        let t223 = t222 + t200;
+        let t224 = R::sum_error(t222, t200) + (fma(r_phi1_dot_over_m2_l1_l2, t46, fma(A_l3_4, t209, R::product_error(A_l3_4, r_phi1_dot_over_m2_l1_l2))) + t201);
+        let t225 = -(t223 + t224);
+        let t226 = t75 * z_theta2_dot_over_m2_l1_l2;
+        let t227 = t226 + t225;
+        let t228 = R::sum_error(t226, t225) + (fma(z_theta2_dot_over_m2_l1_l2, t76, fma(t75, t213, R::product_error(t75, z_theta2_dot_over_m2_l1_l2))) + -R::sum_error(t223, t224));
+        let t229 = t227 + t228;
+        let t230 = A_l3_1 * z_theta1_dot_over_m2_l1_l2;
         let t231 = t229 - t230;
-        let t232 = R::sum_error(t229, -t230) + (R::sum_error(t226, t228) - fma(dot_theta1_dot, t70, fma(A_l1_2, t223, R::product_error(A_l1_2, dot_theta1_dot))));
-        let dot_theta2_dot = t231 + t232;
-        let dot_theta1_dot_2 = dot_theta1_dot + t223;
-        let dot_theta2_dot_2 = dot_theta2_dot + R::sum_error(t231, t232);
-        let dot_phi_dot_2 = dot_phi_dot + t217;
+        let t232 = R::sum_error(t229, -t230) + (R::sum_error(t227, t228) - fma(z_theta1_dot_over_m2_l1_l2, t89, fma(A_l3_1, t221, R::product_error(A_l3_1, z_theta1_dot_over_m2_l1_l2))));
+        let z_phi_dot_over_m2_l1_l2 = t231 + t232;
+        let dot_phi_dot = z_phi_dot_over_m2_l1_l2 / A_s1_3_3_over_m2_l1_l2;
+        let t233 = fma(-dot_phi_dot, R::sum_error(t91, t92), z_phi_dot_over_m2_l1_l2 - dot_phi_dot * A_s1_3_3_over_m2_l1_l2 - R::product_error(dot_phi_dot, A_s1_3_3_over_m2_l1_l2) + R::sum_error(t231, t232));
+        let t234 = t233 / A_s1_3_3_over_m2_l1_l2;
+        let t235 = z_theta1_dot_over_m2_l1_l2 * t87;
+        let t236 = A_l3_1 * dot_phi_dot;
+        let t237 = t235 - t236;
+        let t238 = fma(t87, t221, fma(z_theta1_dot_over_m2_l1_l2, t88, R::product_error(z_theta1_dot_over_m2_l1_l2, t87))) - fma(dot_phi_dot, t89, fma(A_l3_1, t234, R::product_error(A_l3_1, dot_phi_dot)));
+        let t239 = R::sum_error(t235, -t236) + t238;
+        let t240 = R::sum_error(t237, t239);
+        let dot_theta1_dot = t237 + t239;
+        let t241 = z_theta2_dot_over_m2_l1_l2 * t70;
+        let t242 = t75 * dot_phi_dot;
+        let t243 = t242 + t241;
+        let t244 = fma(dot_phi_dot, t76, fma(t75, t234, R::product_error(t75, dot_phi_dot))) + fma(t70, t213, fma(z_theta2_dot_over_m2_l1_l2, t71, R::product_error(z_theta2_dot_over_m2_l1_l2, t70)));
+        let t245 = R::sum_error(t242, t241) + t244;
+        let t246 = t243 + t245;
+        let t247 = A_l1_2 * dot_theta1_dot;
+        let t248 = t246 - t247;
+        let t249 = R::sum_error(t246, -t247) + (R::sum_error(t243, t245) - fma(dot_theta1_dot, t72, fma(A_l1_2, t240, R::product_error(A_l1_2, dot_theta1_dot))));
+        let dot_theta2_dot = t248 + t249;
+        let dot_theta1_dot_2 = dot_theta1_dot + t240;
+        let dot_theta2_dot_2 = dot_theta2_dot + R::sum_error(t248, t249);
+        let dot_phi_dot_2 = dot_phi_dot + t234;
         *dy = [theta1_dot, theta2_dot, phi_dot, dot_theta1_dot_2, dot_theta2_dot_2, dot_phi_dot_2];
     }
 
@@ -463,7 +493,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      cos_theta2, sin_theta2, cos_phi, sin_phi]
     /// ```
     ///
-    /// Operations: 1343 additions, 615 multiplications (142 fused), 8 divisions, 34 sign changes.
+    /// Operations: 1399 additions, 630 multiplications (152 fused), 8 divisions, 33 sign changes.
     #[inline]
     pub fn rhs_on_circles(&self, t: R, y: &[R; 12], dy: &mut [R; 12]) {
         let [_, _, _, theta1_dot, theta2_dot, phi_dot, cos_theta1, sin_theta1, cos_theta2, sin_theta2, cos_phi, sin_phi] = *y;
@@ -478,267 +508,284 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t6 = R::circle_error(sin_phi, cos_phi);
         let t7 = t6 * sin_phi;
         let t8 = t6 * cos_phi;
-        let t9 = cos_theta2 * cos_phi;
-        let t10 = fma(cos_phi, t5, fma(cos_theta2, t8, R::product_error(cos_theta2, cos_phi)));
-        let t11 = sin_theta1 * sin_theta2;
-        let t12 = cos_theta1 * t9;
-        let t13 = t12 + t11;
-        let t14 = R::sum_error(t12, t11) + (fma(t9, t2, fma(cos_theta1, t10, R::product_error(cos_theta1, t9))) + fma(sin_theta2, t1, fma(sin_theta1, t4, R::product_error(sin_theta1, sin_theta2))));
-        let A_theta1_dot_theta2_dot_over_m2_l1_l2 = t13 + t14;
-        let t15 = sin_theta2 * sin_phi;
-        let t16 = fma(sin_phi, t4, fma(sin_theta2, t7, R::product_error(sin_theta2, sin_phi)));
-        let t17 = cos_theta1 * t15;
-        let t18 = fma(t15, t2, fma(cos_theta1, t16, R::product_error(cos_theta1, t15)));
-        let t19 = self.c0 * sin_theta2;
-        let t20 = fma(sin_theta2, self.c24, fma(self.c0, t4, R::product_error(self.c0, sin_theta2)));
-        let A_phi_dot_phi_dot_over_m2_l1_l2 = sin_theta2 * t19;
-        let t21 = fma(t19, t4, fma(sin_theta2, t20, R::product_error(sin_theta2, t19)));
-        let t22 = cos_phi * sin_theta2;
-        let t23 = fma(sin_theta2, t8, fma(cos_phi, t4, R::product_error(cos_phi, sin_theta2)));
-        let t24 = sin_theta1 * t22;
-        let t25 = t24 + A_phi_dot_phi_dot_over_m2_l1_l2;
-        let t26 = R::sum_error(t24, A_phi_dot_phi_dot_over_m2_l1_l2) + (fma(t22, t1, fma(sin_theta1, t23, R::product_error(sin_theta1, t22))) + t21);
-        let t27 = R::sum_error(t25, t26);
-        let A_phi_dot_phi1_dot_over_m2_l1_l2 = t25 + t26;
-        let t28 = t22 * self.c1;
-        let t29 = t28 + sin_theta1;
-        let t30 = R::sum_error(t28, sin_theta1) + (fma(self.c1, t23, fma(t22, self.c25, R::product_error(t22, self.c1))) + t1);
-        let t31 = t29 + t30;
-        let t32 = self.c2 * sin_theta1;
-        let t33 = t31 * t32;
-        let t34 = t33 + A_phi_dot_phi_dot_over_m2_l1_l2;
-        let t35 = R::sum_error(t33, A_phi_dot_phi_dot_over_m2_l1_l2) + (fma(t32, R::sum_error(t29, t30), fma(t31, fma(sin_theta1, self.c26, fma(self.c2, t1, R::product_error(self.c2, sin_theta1))), R::product_error(t31, t32))) + t21);
-        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = t34 + t35;
+        let t9 = sin_theta2 * sin_phi;
+        let t10 = fma(sin_phi, t4, fma(sin_theta2, t7, R::product_error(sin_theta2, sin_phi)));
+        let t11 = cos_theta1 * t9;
+        let t12 = fma(t9, t2, fma(cos_theta1, t10, R::product_error(cos_theta1, t9)));
+        let t13 = sin_theta2 * sin_theta2;
+        let t14 = self.c0 * t13;
+        let t15 = fma(t13, self.c22, fma(self.c0, fma(sin_theta2, t4, fma(sin_theta2, t4, R::product_error(sin_theta2, sin_theta2))), R::product_error(self.c0, t13)));
+        let t16 = cos_phi * sin_theta2;
+        let t17 = fma(sin_theta2, t8, fma(cos_phi, t4, R::product_error(cos_phi, sin_theta2)));
+        let t18 = t16 * self.c1;
+        let t19 = t18 + sin_theta1;
+        let t20 = R::sum_error(t18, sin_theta1) + (fma(self.c1, t17, fma(t16, self.c23, R::product_error(t16, self.c1))) + t1);
+        let t21 = t19 + t20;
+        let t22 = self.c2 * sin_theta1;
+        let t23 = t21 * t22;
+        let t24 = t23 + t14;
+        let t25 = R::sum_error(t23, t14) + (fma(t22, R::sum_error(t19, t20), fma(t21, fma(sin_theta1, self.c24, fma(self.c2, t1, R::product_error(self.c2, sin_theta1))), R::product_error(t21, t22))) + t15);
+        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = t24 + t25;
         // factors of A
-        let t36 = cos_theta2 * sin_phi;
-        let t37 = fma(sin_phi, t5, fma(cos_theta2, t7, R::product_error(cos_theta2, sin_phi)));
-        let t38 = sin_theta1 * t36;
-        let t39 = fma(t36, t1, fma(sin_theta1, t37, R::product_error(sin_theta1, t36)));
-        let t40 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
-        let t41 = fma(-t40, R::sum_error(t34, t35), R::ONE - t40 * A_phi1_dot_phi1_dot_over_m2_l1_l2 - R::product_error(t40, A_phi1_dot_phi1_dot_over_m2_l1_l2)) / A_phi1_dot_phi1_dot_over_m2_l1_l2;
-        let A_l2_4 = t38 * t40;
-        let t42 = fma(t40, t39, fma(t38, t41, R::product_error(t38, t40)));
-        let t43 = t17 * t40;
-        let t44 = fma(t40, t18, fma(t17, t41, R::product_error(t17, t40)));
-        let A_l3_4 = A_phi_dot_phi1_dot_over_m2_l1_l2 * t40;
-        let t45 = fma(t40, t27, fma(A_phi_dot_phi1_dot_over_m2_l1_l2, t41, R::product_error(A_phi_dot_phi1_dot_over_m2_l1_l2, t40)));
-        let t46 = t38 * A_l2_4;
-        let t47 = self.c19 - t46;
-        let t48 = R::sum_error(self.c19, -t46) + (self.c30 - fma(A_l2_4, t39, fma(t38, t42, R::product_error(t38, A_l2_4))));
-        let A_s4_2_2_over_m2_l1_l2 = t47 + t48;
-        let t49 = t17 * A_l2_4;
-        let t50 = t49 + A_theta1_dot_theta2_dot_over_m2_l1_l2;
-        let t51 = R::sum_error(t49, A_theta1_dot_theta2_dot_over_m2_l1_l2) + (fma(A_l2_4, t18, fma(t17, t42, R::product_error(t17, A_l2_4))) + R::sum_error(t13, t14));
-        let t52 = R::sum_error(t50, t51);
-        let A_s4_2_1_over_m2_l1_l2 = t50 + t51;
-        let t53 = t17 * t43;
-        let t54 = self.c20 - t53;
-        let t55 = R::sum_error(self.c20, -t53) + (self.c31 - fma(t43, t18, fma(t17, t44, R::product_error(t17, t43))));
-        let A_s4_1_1_over_m2_l1_l2 = t54 + t55;
-        let t56 = A_phi_dot_phi1_dot_over_m2_l1_l2 * t43;
-        let t57 = t56 - t17;
-        let t58 = R::sum_error(t56, -t17) + (fma(t43, t27, fma(A_phi_dot_phi1_dot_over_m2_l1_l2, t44, R::product_error(A_phi_dot_phi1_dot_over_m2_l1_l2, t43))) - t18);
-        let A_s4_1_3_over_m2_l1_l2 = t57 + t58;
-        let t59 = A_phi_dot_phi1_dot_over_m2_l1_l2 * A_l3_4;
-        let t60 = A_phi_dot_phi_dot_over_m2_l1_l2 - t59;
-        let t61 = R::sum_error(A_phi_dot_phi_dot_over_m2_l1_l2, -t59) + (t21 - fma(A_l3_4, t27, fma(A_phi_dot_phi1_dot_over_m2_l1_l2, t45, R::product_error(A_phi_dot_phi1_dot_over_m2_l1_l2, A_l3_4))));
-        let A_s4_3_3_over_m2_l1_l2 = t60 + t61;
-        let t62 = A_s4_2_2_over_m2_l1_l2.recip();
-        let t63 = fma(-t62, R::sum_error(t47, t48), R::ONE - t62 * A_s4_2_2_over_m2_l1_l2 - R::product_error(t62, A_s4_2_2_over_m2_l1_l2)) / A_s4_2_2_over_m2_l1_l2;
-        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t62;
-        let t64 = fma(t62, t52, fma(A_s4_2_1_over_m2_l1_l2, t63, R::product_error(A_s4_2_1_over_m2_l1_l2, t62)));
-        let t65 = A_phi_dot_phi1_dot_over_m2_l1_l2 * A_l2_4;
-        let t66 = fma(A_l2_4, t27, fma(A_phi_dot_phi1_dot_over_m2_l1_l2, t42, R::product_error(A_phi_dot_phi1_dot_over_m2_l1_l2, A_l2_4)));
-        let t67 = t65 * t62;
-        let t68 = fma(t62, t66, fma(t65, t63, R::product_error(t65, t62)));
-        let t69 = A_s4_2_1_over_m2_l1_l2 * A_l1_2;
-        let t70 = A_s4_1_1_over_m2_l1_l2 - t69;
-        let t71 = R::sum_error(A_s4_1_1_over_m2_l1_l2, -t69) + (R::sum_error(t54, t55) - fma(A_l1_2, t52, fma(A_s4_2_1_over_m2_l1_l2, t64, R::product_error(A_s4_2_1_over_m2_l1_l2, A_l1_2))));
-        let A_s2_1_1_over_m2_l1_l2 = t70 + t71;
-        let t72 = A_l1_2 * t65;
-        let t73 = t72 + A_s4_1_3_over_m2_l1_l2;
-        let t74 = R::sum_error(t72, A_s4_1_3_over_m2_l1_l2) + (fma(t65, t64, fma(A_l1_2, t66, R::product_error(A_l1_2, t65))) + R::sum_error(t57, t58));
-        let t75 = R::sum_error(t73, t74);
-        let A_s2_1_3_over_m2_l1_l2 = t73 + t74;
-        let t76 = t65 * t67;
-        let t77 = A_s4_3_3_over_m2_l1_l2 - t76;
-        let t78 = R::sum_error(A_s4_3_3_over_m2_l1_l2, -t76) + (R::sum_error(t60, t61) - fma(t67, t66, fma(t65, t68, R::product_error(t65, t67))));
-        let A_s2_3_3_over_m2_l1_l2 = t77 + t78;
-        let t79 = A_s2_1_1_over_m2_l1_l2.recip();
-        let t80 = fma(-t79, R::sum_error(t70, t71), R::ONE - t79 * A_s2_1_1_over_m2_l1_l2 - R::product_error(t79, A_s2_1_1_over_m2_l1_l2)) / A_s2_1_1_over_m2_l1_l2;
-        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t79;
-        let t81 = fma(t79, t75, fma(A_s2_1_3_over_m2_l1_l2, t80, R::product_error(A_s2_1_3_over_m2_l1_l2, t79)));
-        let t82 = A_s2_1_3_over_m2_l1_l2 * A_l3_1;
-        let t83 = A_s2_3_3_over_m2_l1_l2 - t82;
-        let t84 = R::sum_error(A_s2_3_3_over_m2_l1_l2, -t82) + (R::sum_error(t77, t78) - fma(A_l3_1, t75, fma(A_s2_1_3_over_m2_l1_l2, t81, R::product_error(A_s2_1_3_over_m2_l1_l2, A_l3_1))));
-        let A_s1_3_3_over_m2_l1_l2 = t83 + t84;
+        let t26 = cos_theta2 * sin_phi;
+        let t27 = fma(sin_phi, t5, fma(cos_theta2, t7, R::product_error(cos_theta2, sin_phi)));
+        let t28 = sin_theta1 * t26;
+        let t29 = fma(t26, t1, fma(sin_theta1, t27, R::product_error(sin_theta1, t26)));
+        let t30 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
+        let t31 = fma(-t30, R::sum_error(t24, t25), R::ONE - t30 * A_phi1_dot_phi1_dot_over_m2_l1_l2 - R::product_error(t30, A_phi1_dot_phi1_dot_over_m2_l1_l2)) / A_phi1_dot_phi1_dot_over_m2_l1_l2;
+        let A_l2_4 = t28 * t30;
+        let t32 = fma(t30, t29, fma(t28, t31, R::product_error(t28, t30)));
+        let t33 = t11 * t30;
+        let t34 = fma(t30, t12, fma(t11, t31, R::product_error(t11, t30)));
+        let t35 = sin_theta1 * t16;
+        let t36 = t35 + t14;
+        let t37 = R::sum_error(t35, t14) + (fma(t16, t1, fma(sin_theta1, t17, R::product_error(sin_theta1, t16))) + t15);
+        let t38 = R::sum_error(t36, t37);
+        let t39 = t36 + t37;
+        let A_l3_4 = t39 * t30;
+        let t40 = fma(t30, t38, fma(t39, t31, R::product_error(t39, t30)));
+        let t41 = t28 * A_l2_4;
+        let t42 = self.c18 - t41;
+        let t43 = R::sum_error(self.c18, -t41) + (self.c29 - fma(A_l2_4, t29, fma(t28, t32, R::product_error(t28, A_l2_4))));
+        let A_s4_2_2_over_m2_l1_l2 = t42 + t43;
+        let t44 = cos_theta2 * cos_phi;
+        let t45 = fma(cos_phi, t5, fma(cos_theta2, t8, R::product_error(cos_theta2, cos_phi)));
+        let t46 = sin_theta1 * sin_theta2;
+        let t47 = cos_theta1 * t44;
+        let t48 = t47 + t46;
+        let t49 = R::sum_error(t47, t46) + (fma(t44, t2, fma(cos_theta1, t45, R::product_error(cos_theta1, t44))) + fma(sin_theta2, t1, fma(sin_theta1, t4, R::product_error(sin_theta1, sin_theta2))));
+        let t50 = t48 + t49;
+        let t51 = t11 * A_l2_4;
+        let t52 = t51 + t50;
+        let t53 = R::sum_error(t51, t50) + (fma(A_l2_4, t12, fma(t11, t32, R::product_error(t11, A_l2_4))) + R::sum_error(t48, t49));
+        let t54 = R::sum_error(t52, t53);
+        let A_s4_2_1_over_m2_l1_l2 = t52 + t53;
+        let t55 = t11 * t33;
+        let t56 = self.c19 - t55;
+        let t57 = R::sum_error(self.c19, -t55) + (self.c30 - fma(t33, t12, fma(t11, t34, R::product_error(t11, t33))));
+        let A_s4_1_1_over_m2_l1_l2 = t56 + t57;
+        let t58 = t33 * t39;
+        let t59 = t58 - t11;
+        let t60 = R::sum_error(t58, -t11) + (fma(t39, t34, fma(t33, t38, R::product_error(t33, t39))) - t12);
+        let A_s4_1_3_over_m2_l1_l2 = t59 + t60;
+        let t61 = t39 * A_l3_4;
+        let t62 = t14 - t61;
+        let t63 = R::sum_error(t14, -t61) + (t15 - fma(A_l3_4, t38, fma(t39, t40, R::product_error(t39, A_l3_4))));
+        let A_s4_3_3_over_m2_l1_l2 = t62 + t63;
+        let t64 = A_s4_2_2_over_m2_l1_l2.recip();
+        let t65 = fma(-t64, R::sum_error(t42, t43), R::ONE - t64 * A_s4_2_2_over_m2_l1_l2 - R::product_error(t64, A_s4_2_2_over_m2_l1_l2)) / A_s4_2_2_over_m2_l1_l2;
+        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t64;
+        let t66 = fma(t64, t54, fma(A_s4_2_1_over_m2_l1_l2, t65, R::product_error(A_s4_2_1_over_m2_l1_l2, t64)));
+        let t67 = A_l2_4 * t39;
+        let t68 = fma(t39, t32, fma(A_l2_4, t38, R::product_error(A_l2_4, t39)));
+        let t69 = t67 * t64;
+        let t70 = fma(t64, t68, fma(t67, t65, R::product_error(t67, t64)));
+        let t71 = A_s4_2_1_over_m2_l1_l2 * A_l1_2;
+        let t72 = A_s4_1_1_over_m2_l1_l2 - t71;
+        let t73 = R::sum_error(A_s4_1_1_over_m2_l1_l2, -t71) + (R::sum_error(t56, t57) - fma(A_l1_2, t54, fma(A_s4_2_1_over_m2_l1_l2, t66, R::product_error(A_s4_2_1_over_m2_l1_l2, A_l1_2))));
+        let A_s2_1_1_over_m2_l1_l2 = t72 + t73;
+        let t74 = A_l1_2 * t67;
+        let t75 = t74 + A_s4_1_3_over_m2_l1_l2;
+        let t76 = R::sum_error(t74, A_s4_1_3_over_m2_l1_l2) + (fma(t67, t66, fma(A_l1_2, t68, R::product_error(A_l1_2, t67))) + R::sum_error(t59, t60));
+        let t77 = R::sum_error(t75, t76);
+        let A_s2_1_3_over_m2_l1_l2 = t75 + t76;
+        let t78 = t67 * t69;
+        let t79 = A_s4_3_3_over_m2_l1_l2 - t78;
+        let t80 = R::sum_error(A_s4_3_3_over_m2_l1_l2, -t78) + (R::sum_error(t62, t63) - fma(t69, t68, fma(t67, t70, R::product_error(t67, t69))));
+        let A_s2_3_3_over_m2_l1_l2 = t79 + t80;
+        let t81 = A_s2_1_1_over_m2_l1_l2.recip();
+        let t82 = fma(-t81, R::sum_error(t72, t73), R::ONE - t81 * A_s2_1_1_over_m2_l1_l2 - R::product_error(t81, A_s2_1_1_over_m2_l1_l2)) / A_s2_1_1_over_m2_l1_l2;
+        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t81;
+        let t83 = fma(t81, t77, fma(A_s2_1_3_over_m2_l1_l2, t82, R::product_error(A_s2_1_3_over_m2_l1_l2, t81)));
+        let t84 = A_s2_1_3_over_m2_l1_l2 * A_l3_1;
+        let t85 = A_s2_3_3_over_m2_l1_l2 - t84;
+        let t86 = R::sum_error(A_s2_3_3_over_m2_l1_l2, -t84) + (R::sum_error(t79, t80) - fma(A_l3_1, t77, fma(A_s2_1_3_over_m2_l1_l2, t83, R::product_error(A_s2_1_3_over_m2_l1_l2, A_l3_1))));
+        let A_s1_3_3_over_m2_l1_l2 = t85 + t86;
         // velocities of the momenta pi = W^T dL/dy
-        let t85 = fma(theta1_dot, t17, fma(-theta2_dot, t38, self.c3));
-        let t86 = phi_dot * A_phi_dot_phi1_dot_over_m2_l1_l2;
-        let t87 = t85 - t86;
-        let t88 = R::sum_error(t85, -t86) + -fma(phi_dot, t27, R::product_error(phi_dot, A_phi_dot_phi1_dot_over_m2_l1_l2));
-        let q_phi1_dot_over_m2_l1_l2 = t87 + t88;
-        let phi1_dot = q_phi1_dot_over_m2_l1_l2 * t40;
+        let t87 = fma(theta1_dot, t11, fma(-theta2_dot, t28, self.c3));
+        let t88 = phi_dot * t39;
+        let t89 = t87 - t88;
+        let t90 = R::sum_error(t87, -t88) + -fma(phi_dot, t38, R::product_error(phi_dot, t39));
+        let q_phi1_dot_over_m2_l1_l2 = t89 + t90;
+        let phi1_dot = q_phi1_dot_over_m2_l1_l2 * t30;
+        let t91 = fma(t30, R::sum_error(t89, t90), fma(q_phi1_dot_over_m2_l1_l2, t31, R::product_error(q_phi1_dot_over_m2_l1_l2, t30)));
+        // velocities v in squares m/2 |v|^2
+        let t92 = self.c4 * theta1_dot;
+        let v1_1_over_l2 = cos_theta1 * t92;
+        let t93 = fma(t92, t2, R::product_error(cos_theta1, t92));
+        let t94 = phi_dot + phi1_dot;
+        let t95 = R::sum_error(phi_dot, phi1_dot) + t91;
+        let t96 = R::sum_error(t94, t95);
+        let t97 = t94 + t95;
+        let t98 = theta2_dot * t44;
+        let t99 = t9 * t97;
+        let t100 = t98 - t99;
+        let t101 = R::sum_error(t98, -t99) + (fma(theta2_dot, t45, R::product_error(theta2_dot, t44)) - fma(t97, t10, fma(t9, t96, R::product_error(t9, t97))));
+        let t102 = R::sum_error(t100, t101);
+        let t103 = t100 + t101;
+        let t104 = v1_1_over_l2 + t103;
+        let t105 = R::sum_error(v1_1_over_l2, t103) + (t93 + t102);
+        let v2_1_over_l2 = t104 + t105;
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let t89 = theta1_dot * theta1_dot;
-        let t90 = phi1_dot * phi1_dot;
-        let t91 = t90 + t89;
-        let t92 = R::sum_error(t90, t89) + (R::product_error(phi1_dot, phi1_dot) + R::product_error(theta1_dot, theta1_dot));
-        let t93 = t91 + t92;
-        let t94 = self.c4 * sin_theta1;
-        let t95 = t93 * t94;
-        let t96 = fma(t94, R::sum_error(t91, t92), fma(t93, fma(self.c4, t1, R::product_error(self.c4, sin_theta1)), R::product_error(t93, t94)));
-        let t97 = theta1_dot * cos_theta1;
-        let a1_2_over_l2 = phi1_dot * (self.c5 * t97);
-        let t98 = self.c21 * theta1_dot;
-        let a1_3_over_l2 = t97 * t98;
-        let t99 = phi_dot + phi1_dot + fma(t40, R::sum_error(t87, t88), fma(q_phi1_dot_over_m2_l1_l2, t41, R::product_error(q_phi1_dot_over_m2_l1_l2, t40)));
-        let t100 = theta2_dot * t22;
-        let t101 = t36 * t99;
-        let t102 = t101 + t100;
-        let t103 = R::sum_error(t101, t100) + (fma(t99, t37, R::product_error(t36, t99)) + fma(theta2_dot, t23, R::product_error(theta2_dot, t22)));
-        let t104 = t102 + t103;
-        let t105 = theta2_dot * t36;
-        let t106 = t22 * t99;
-        let t107 = t106 + t105;
-        let t108 = R::sum_error(t106, t105) + (fma(t99, t23, R::product_error(t22, t99)) + fma(theta2_dot, t37, R::product_error(theta2_dot, t36)));
-        let t109 = t107 + t108;
-        let t110 = theta2_dot * t104;
-        let t111 = t110 + t95;
-        let t112 = R::sum_error(t110, t95) + (fma(theta2_dot, R::sum_error(t102, t103), R::product_error(theta2_dot, t104)) + t96);
-        let t113 = -(t111 + t112);
-        let t114 = t99 * t109;
-        let t115 = t113 - t114;
-        let t116 = R::sum_error(t113, -t114) + (-R::sum_error(t111, t112) - fma(t99, R::sum_error(t107, t108), R::product_error(t99, t109)));
-        let t117 = R::sum_error(t115, t116);
-        let a2_1_over_l2 = t115 + t116;
-        let t118 = theta2_dot * t9;
-        let t119 = t15 * t99;
-        let t120 = t118 - t119;
-        let t121 = R::sum_error(t118, -t119) + (fma(theta2_dot, t10, R::product_error(theta2_dot, t9)) - fma(t99, t16, R::product_error(t15, t99)));
-        let t122 = t120 + t121;
-        let t123 = theta2_dot * t15;
-        let t124 = t9 * t99;
-        let t125 = t123 - t124;
-        let t126 = R::sum_error(t123, -t124) + (fma(theta2_dot, t16, R::product_error(theta2_dot, t15)) - fma(t99, t10, R::product_error(t9, t99)));
-        let t127 = t125 + t126;
-        let t128 = t99 * t122;
-        let t129 = t128 + a1_2_over_l2;
-        let t130 = R::sum_error(t128, a1_2_over_l2) + fma(t99, R::sum_error(t120, t121), R::product_error(t99, t122));
-        let t131 = t129 + t130;
-        let t132 = theta2_dot * t127;
-        let t133 = t131 - t132;
-        let t134 = R::sum_error(t131, -t132) + (R::sum_error(t129, t130) - fma(theta2_dot, R::sum_error(t125, t126), R::product_error(theta2_dot, t127)));
-        let t135 = R::sum_error(t133, t134);
-        let a2_2_over_l2 = t133 + t134;
-        let t136 = theta2_dot * theta2_dot;
-        let t137 = cos_theta2 * t136;
-        let t138 = t137 + a1_3_over_l2;
-        let t139 = R::sum_error(t137, a1_3_over_l2) + fma(t136, t5, fma(cos_theta2, R::product_error(theta2_dot, theta2_dot), R::product_error(cos_theta2, t136)));
-        let t140 = R::sum_error(t138, t139);
-        let a2_3_over_l2 = t138 + t139;
+        let t106 = phi1_dot * phi1_dot;
+        let t107 = theta1_dot * t92;
+        let t108 = self.c20 * t106;
+        let t109 = t108 + t107;
+        let t110 = R::sum_error(t108, t107) + (R::product_error(self.c20, t106) + R::product_error(theta1_dot, t92));
+        let t111 = t109 + t110;
+        let t112 = sin_theta1 * t111;
+        let t113 = fma(t111, t1, fma(sin_theta1, R::sum_error(t109, t110), R::product_error(sin_theta1, t111)));
+        let a1_3_over_l2 = theta1_dot * v1_1_over_l2;
+        let t114 = theta2_dot * t16;
+        let t115 = t26 * t97;
+        let t116 = t115 + t114;
+        let t117 = R::sum_error(t115, t114) + (fma(t97, t27, fma(t26, t96, R::product_error(t26, t97))) + fma(theta2_dot, t17, R::product_error(theta2_dot, t16)));
+        let t118 = t116 + t117;
+        let t119 = theta2_dot * t26;
+        let t120 = t16 * t97;
+        let t121 = t120 + t119;
+        let t122 = R::sum_error(t120, t119) + (fma(t97, t17, fma(t16, t96, R::product_error(t16, t97))) + fma(theta2_dot, t27, R::product_error(theta2_dot, t26)));
+        let t123 = t121 + t122;
+        let t124 = theta2_dot * t118;
+        let t125 = t124 + t112;
+        let t126 = R::sum_error(t124, t112) + (fma(theta2_dot, R::sum_error(t116, t117), R::product_error(theta2_dot, t118)) + t113);
+        let t127 = -(t125 + t126);
+        let t128 = t97 * t123;
+        let t129 = t127 - t128;
+        let t130 = R::sum_error(t127, -t128) + (-R::sum_error(t125, t126) - fma(t123, t96, fma(t97, R::sum_error(t121, t122), R::product_error(t97, t123))));
+        let t131 = R::sum_error(t129, t130);
+        let a2_1_over_l2 = t129 + t130;
+        let t132 = phi1_dot * v1_1_over_l2;
+        let t133 = fma(v1_1_over_l2, t91, fma(phi1_dot, t93, R::product_error(phi1_dot, v1_1_over_l2)));
+        let t134 = theta2_dot * t9;
+        let t135 = t44 * t97;
+        let t136 = t134 - t135;
+        let t137 = R::sum_error(t134, -t135) + (fma(theta2_dot, t10, R::product_error(theta2_dot, t9)) - fma(t97, t45, fma(t44, t96, R::product_error(t44, t97))));
+        let t138 = t136 + t137;
+        let t139 = phi_dot * t103;
+        let t140 = t139 + t132;
+        let t141 = R::sum_error(t139, t132) + (fma(phi_dot, t102, R::product_error(phi_dot, t103)) + t133);
+        let t142 = t140 + t141;
+        let t143 = theta2_dot * t138;
+        let t144 = t142 - t143;
+        let t145 = R::sum_error(t142, -t143) + (R::sum_error(t140, t141) - fma(theta2_dot, R::sum_error(t136, t137), R::product_error(theta2_dot, t138)));
+        let t146 = t144 + t145;
+        let t147 = phi1_dot * v2_1_over_l2;
+        let t148 = t147 + t146;
+        let t149 = R::sum_error(t147, t146) + (fma(v2_1_over_l2, t91, fma(phi1_dot, R::sum_error(t104, t105), R::product_error(phi1_dot, v2_1_over_l2))) + R::sum_error(t144, t145));
+        let t150 = R::sum_error(t148, t149);
+        let a2_2_over_l2 = t148 + t149;
+        let t151 = theta2_dot * theta2_dot;
+        let t152 = cos_theta2 * t151;
+        let t153 = t152 + a1_3_over_l2;
+        let t154 = R::sum_error(t152, a1_3_over_l2) + fma(t151, t5, fma(cos_theta2, R::product_error(theta2_dot, theta2_dot), R::product_error(cos_theta2, t151)));
+        let t155 = R::sum_error(t153, t154);
+        let a2_3_over_l2 = t153 + t154;
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t141 = self.c6 * sin_theta1;
-        let t142 = self.c7 * sin_theta2;
-        let t143 = sin_theta1 * a1_3_over_l2;
-        let t144 = fma(sin_theta1, fma(t98, fma(theta1_dot, t2, R::product_error(theta1_dot, cos_theta1)), fma(t97, R::product_error(self.c21, theta1_dot), R::product_error(t97, t98))), R::product_error(sin_theta1, a1_3_over_l2));
-        let t145 = cos_theta1 * t95;
-        let t146 = t143 - t145;
-        let t147 = R::sum_error(t143, -t145) + (fma(a1_3_over_l2, t1, t144) - fma(t95, t2, fma(cos_theta1, t96, R::product_error(cos_theta1, t95))));
-        let t148 = t146 + t147;
-        let t149 = sin_theta1 * a2_3_over_l2;
-        let t150 = t141 - t149;
-        let t151 = fma(sin_theta1, self.c27, fma(self.c6, t1, R::product_error(self.c6, sin_theta1))) - fma(a2_3_over_l2, t1, fma(sin_theta1, t140, R::product_error(sin_theta1, a2_3_over_l2)));
-        let t152 = R::sum_error(t141, -t149) + t151;
-        let t153 = t150 + t152;
-        let t154 = self.c8 * t148;
-        let t155 = t153 - t154;
-        let t156 = R::sum_error(t153, -t154) + (R::sum_error(t150, t152) - fma(t148, self.c29, fma(self.c8, R::sum_error(t146, t147), R::product_error(self.c8, t148))));
-        let t157 = t155 + t156;
-        let t158 = cos_theta1 * a2_1_over_l2;
-        let t159 = t157 - t158;
-        let t160 = R::sum_error(t157, -t158) + (R::sum_error(t155, t156) - fma(a2_1_over_l2, t2, fma(cos_theta1, t117, R::product_error(cos_theta1, a2_1_over_l2))));
-        let r_theta1_dot_over_m2_l1_l2 = t159 + t160;
-        let t161 = t9 * a2_1_over_l2;
-        let t162 = t36 * a2_2_over_l2;
-        let t163 = t162 + t161;
-        let t164 = R::sum_error(t162, t161) + (fma(a2_2_over_l2, t37, fma(t36, t135, R::product_error(t36, a2_2_over_l2))) + fma(a2_1_over_l2, t10, fma(t9, t117, R::product_error(t9, a2_1_over_l2))));
-        let t165 = t163 + t164;
-        let t166 = t19 * a2_3_over_l2;
-        let t167 = t142 - t166;
-        let t168 = R::sum_error(t142, -t166) + (fma(sin_theta2, self.c28, fma(self.c7, t4, R::product_error(self.c7, sin_theta2))) - fma(a2_3_over_l2, t20, fma(t19, t140, R::product_error(t19, a2_3_over_l2))));
-        let t169 = t167 + t168;
-        let t170 = self.c22 * t165;
-        let t171 = t169 - t170;
-        let t172 = R::sum_error(t169, -t170) + (R::sum_error(t167, t168) - fma(t165, self.c32, fma(self.c22, R::sum_error(t163, t164), R::product_error(self.c22, t165))));
-        let r_theta2_dot_over_m2_l1_l2 = t171 + t172;
-        let t173 = cos_phi * a2_2_over_l2;
-        let t174 = sin_phi * a2_1_over_l2;
-        let t175 = t173 - t174;
-        let t176 = fma(a2_2_over_l2, t8, fma(cos_phi, t135, R::product_error(cos_phi, a2_2_over_l2))) - fma(a2_1_over_l2, t7, fma(sin_phi, t117, R::product_error(sin_phi, a2_1_over_l2)));
-        let t177 = R::sum_error(t173, -t174) + t176;
-        let t178 = t175 + t177;
-        let t179 = t19 * t178;
-        let t180 = fma(t178, t20, fma(t19, R::sum_error(t175, t177), R::product_error(t19, t178)));
-        let t181 = a1_2_over_l2 * self.c23;
-        let t182 = t181 + a2_2_over_l2;
-        let t183 = R::sum_error(t181, a2_2_over_l2) + (fma(a1_2_over_l2, self.c33, R::product_error(a1_2_over_l2, self.c23)) + t135);
-        let t184 = t182 + t183;
-        let t185 = sin_theta1 * t184;
-        let t186 = t185 + t179;
-        let t187 = R::sum_error(t185, t179) + (fma(t184, t1, fma(sin_theta1, R::sum_error(t182, t183), R::product_error(sin_theta1, t184))) + t180);
-        let r_phi1_dot_over_m2_l1_l2 = -(t186 + t187);
-        let t188 = -R::sum_error(t186, t187);
+        let t156 = self.c5 * sin_theta1;
+        let t157 = self.c6 * sin_theta2;
+        let t158 = sin_theta1 * a1_3_over_l2;
+        let t159 = cos_theta1 * t112;
+        let t160 = t158 - t159;
+        let t161 = fma(a1_3_over_l2, t1, fma(sin_theta1, fma(theta1_dot, t93, R::product_error(theta1_dot, v1_1_over_l2)), R::product_error(sin_theta1, a1_3_over_l2))) - fma(t112, t2, fma(cos_theta1, t113, R::product_error(cos_theta1, t112)));
+        let t162 = R::sum_error(t158, -t159) + t161;
+        let t163 = t160 + t162;
+        let t164 = sin_theta1 * a2_3_over_l2;
+        let t165 = t156 - t164;
+        let t166 = fma(sin_theta1, self.c25, fma(self.c5, t1, R::product_error(self.c5, sin_theta1))) - fma(a2_3_over_l2, t1, fma(sin_theta1, t155, R::product_error(sin_theta1, a2_3_over_l2)));
+        let t167 = R::sum_error(t156, -t164) + t166;
+        let t168 = t165 + t167;
+        let t169 = self.c7 * t163;
+        let t170 = t169 + t168;
+        let t171 = R::sum_error(t169, t168) + (fma(t163, self.c27, fma(self.c7, R::sum_error(t160, t162), R::product_error(self.c7, t163))) + R::sum_error(t165, t167));
+        let t172 = t170 + t171;
+        let t173 = cos_theta1 * a2_1_over_l2;
+        let t174 = t172 - t173;
+        let t175 = R::sum_error(t172, -t173) + (R::sum_error(t170, t171) - fma(a2_1_over_l2, t2, fma(cos_theta1, t131, R::product_error(cos_theta1, a2_1_over_l2))));
+        let r_theta1_dot_over_m2_l1_l2 = t174 + t175;
+        let t176 = self.c21 * sin_theta2;
+        let t177 = fma(sin_theta2, self.c31, fma(self.c21, t4, R::product_error(self.c21, sin_theta2)));
+        let t178 = t44 * a2_1_over_l2;
+        let t179 = t26 * a2_2_over_l2;
+        let t180 = t179 + t178;
+        let t181 = R::sum_error(t179, t178) + (fma(a2_2_over_l2, t27, fma(t26, t150, R::product_error(t26, a2_2_over_l2))) + fma(a2_1_over_l2, t45, fma(t44, t131, R::product_error(t44, a2_1_over_l2))));
+        let t182 = t180 + t181;
+        let t183 = a2_3_over_l2 * t176;
+        let t184 = t157 - t183;
+        let t185 = fma(sin_theta2, self.c26, fma(self.c6, t4, R::product_error(self.c6, sin_theta2))) - fma(t176, t155, fma(a2_3_over_l2, t177, R::product_error(a2_3_over_l2, t176)));
+        let t186 = R::sum_error(t157, -t183) + t185;
+        let t187 = t184 + t186;
+        let t188 = self.c0 * t182;
+        let t189 = t187 - t188;
+        let t190 = R::sum_error(t187, -t188) + (R::sum_error(t184, t186) - fma(t182, self.c22, fma(self.c0, R::sum_error(t180, t181), R::product_error(self.c0, t182))));
+        let r_theta2_dot_over_m2_l1_l2 = t189 + t190;
+        let t191 = cos_phi * a2_2_over_l2;
+        let t192 = sin_phi * a2_1_over_l2;
+        let t193 = t191 - t192;
+        let t194 = fma(a2_2_over_l2, t8, fma(cos_phi, t150, R::product_error(cos_phi, a2_2_over_l2))) - fma(a2_1_over_l2, t7, fma(sin_phi, t131, R::product_error(sin_phi, a2_1_over_l2)));
+        let t195 = R::sum_error(t191, -t192) + t194;
+        let t196 = t193 + t195;
+        let t197 = t176 * t196;
+        let t198 = fma(t196, t177, fma(t176, R::sum_error(t193, t195), R::product_error(t176, t196)));
+        let t199 = t132 * self.c8;
+        let t200 = t199 + a2_2_over_l2;
+        let t201 = R::sum_error(t199, a2_2_over_l2) + (fma(self.c8, t133, fma(t132, self.c28, R::product_error(t132, self.c8))) + t150);
+        let t202 = t200 + t201;
+        let t203 = sin_theta1 * t202;
+        let t204 = t203 + t197;
+        let t205 = R::sum_error(t203, t197) + (fma(t202, t1, fma(sin_theta1, R::sum_error(t200, t201), R::product_error(sin_theta1, t202))) + t198);
+        let r_phi1_dot_over_m2_l1_l2 = -(t204 + t205);
+        let t206 = -R::sum_error(t204, t205);
         // substitution through the factors of A
-        let t189 = A_l2_4 * r_phi1_dot_over_m2_l1_l2;
-        let t190 = r_theta2_dot_over_m2_l1_l2 - t189;
-        let t191 = R::sum_error(r_theta2_dot_over_m2_l1_l2, -t189) + (R::sum_error(t171, t172) - fma(r_phi1_dot_over_m2_l1_l2, t42, fma(A_l2_4, t188, R::product_error(A_l2_4, r_phi1_dot_over_m2_l1_l2))));
-        let t192 = R::sum_error(t190, t191);
-        let z_theta2_dot_over_m2_l1_l2 = t190 + t191;
-        let t193 = t43 * r_phi1_dot_over_m2_l1_l2;
-        let t194 = t193 + r_theta1_dot_over_m2_l1_l2;
-        let t195 = R::sum_error(t193, r_theta1_dot_over_m2_l1_l2) + (fma(r_phi1_dot_over_m2_l1_l2, t44, fma(t43, t188, R::product_error(t43, r_phi1_dot_over_m2_l1_l2))) + R::sum_error(t159, t160));
-        let t196 = t194 + t195;
-        let t197 = A_l1_2 * z_theta2_dot_over_m2_l1_l2;
-        let t198 = t196 - t197;
-        let t199 = R::sum_error(t196, -t197) + (R::sum_error(t194, t195) - fma(z_theta2_dot_over_m2_l1_l2, t64, fma(A_l1_2, t192, R::product_error(A_l1_2, z_theta2_dot_over_m2_l1_l2))));
-        let t200 = R::sum_error(t198, t199);
-        let z_theta1_dot_over_m2_l1_l2 = t198 + t199;
-        let t201 = A_l3_4 * r_phi1_dot_over_m2_l1_l2;
-        let t202 = t201 + t179;
-        let t203 = R::sum_error(t201, t179) + (fma(r_phi1_dot_over_m2_l1_l2, t45, fma(A_l3_4, t188, R::product_error(A_l3_4, r_phi1_dot_over_m2_l1_l2))) + t180);
-        let t204 = -(t202 + t203);
-        let t205 = t67 * z_theta2_dot_over_m2_l1_l2;
-        let t206 = t205 + t204;
-        let t207 = R::sum_error(t205, t204) + (fma(z_theta2_dot_over_m2_l1_l2, t68, fma(t67, t192, R::product_error(t67, z_theta2_dot_over_m2_l1_l2))) + -R::sum_error(t202, t203));
-        let t208 = t206 + t207;
-        let t209 = A_l3_1 * z_theta1_dot_over_m2_l1_l2;
-        let t210 = t208 - t209;
-        let t211 = R::sum_error(t208, -t209) + (R::sum_error(t206, t207) - fma(z_theta1_dot_over_m2_l1_l2, t81, fma(A_l3_1, t200, R::product_error(A_l3_1, z_theta1_dot_over_m2_l1_l2))));
-        let z_phi_dot_over_m2_l1_l2 = t210 + t211;
-        let dot_phi_dot = z_phi_dot_over_m2_l1_l2 / A_s1_3_3_over_m2_l1_l2;
-        let t212 = fma(-dot_phi_dot, R::sum_error(t83, t84), z_phi_dot_over_m2_l1_l2 - dot_phi_dot * A_s1_3_3_over_m2_l1_l2 - R::product_error(dot_phi_dot, A_s1_3_3_over_m2_l1_l2) + R::sum_error(t210, t211));
-        let t213 = t212 / A_s1_3_3_over_m2_l1_l2;
-        let t214 = z_theta1_dot_over_m2_l1_l2 * t79;
-        let t215 = A_l3_1 * dot_phi_dot;
+        let t207 = A_l2_4 * r_phi1_dot_over_m2_l1_l2;
+        let t208 = r_theta2_dot_over_m2_l1_l2 - t207;
+        let t209 = R::sum_error(r_theta2_dot_over_m2_l1_l2, -t207) + (R::sum_error(t189, t190) - fma(r_phi1_dot_over_m2_l1_l2, t32, fma(A_l2_4, t206, R::product_error(A_l2_4, r_phi1_dot_over_m2_l1_l2))));
+        let t210 = R::sum_error(t208, t209);
+        let z_theta2_dot_over_m2_l1_l2 = t208 + t209;
+        let t211 = t33 * r_phi1_dot_over_m2_l1_l2;
+        let t212 = t211 + r_theta1_dot_over_m2_l1_l2;
+        let t213 = R::sum_error(t211, r_theta1_dot_over_m2_l1_l2) + (fma(r_phi1_dot_over_m2_l1_l2, t34, fma(t33, t206, R::product_error(t33, r_phi1_dot_over_m2_l1_l2))) + R::sum_error(t174, t175));
+        let t214 = t212 + t213;
+        let t215 = A_l1_2 * z_theta2_dot_over_m2_l1_l2;
         let t216 = t214 - t215;
-        let t217 = fma(t79, t200, fma(z_theta1_dot_over_m2_l1_l2, t80, R::product_error(z_theta1_dot_over_m2_l1_l2, t79))) - fma(dot_phi_dot, t81, fma(A_l3_1, t213, R::product_error(A_l3_1, dot_phi_dot)));
-        let t218 = R::sum_error(t214, -t215) + t217;
-        let t219 = R::sum_error(t216, t218);
-        let dot_theta1_dot = t216 + t218;
-        let t220 = z_theta2_dot_over_m2_l1_l2 * t62;
-        let t221 = t67 * dot_phi_dot;
-        let t222 = t221 + t220;
-        let t223 = fma(dot_phi_dot, t68, fma(t67, t213, R::product_error(t67, dot_phi_dot))) + fma(t62, t192, fma(z_theta2_dot_over_m2_l1_l2, t63, R::product_error(z_theta2_dot_over_m2_l1_l2, t62)));
-        let t224 = R::sum_error(t221, t220) + t223;
-        let t225 = t222 + t224;
-        let t226 = A_l1_2 * dot_theta1_dot;
-        let t227 = t225 - t226;
-        let t228 = R::sum_error(t225, -t226) + (R::sum_error(t222, t224) - fma(dot_theta1_dot, t64, fma(A_l1_2, t219, R::product_error(A_l1_2, dot_theta1_dot))));
-        let dot_theta2_dot = t227 + t228;
-        let dot_theta1_dot_2 = dot_theta1_dot + t219;
-        let dot_theta2_dot_2 = dot_theta2_dot + R::sum_error(t227, t228);
-        let dot_phi_dot_2 = dot_phi_dot + t213;
+        let t217 = R::sum_error(t214, -t215) + (R::sum_error(t212, t213) - fma(z_theta2_dot_over_m2_l1_l2, t66, fma(A_l1_2, t210, R::product_error(A_l1_2, z_theta2_dot_over_m2_l1_l2))));
+        let t218 = R::sum_error(t216, t217);
+        let z_theta1_dot_over_m2_l1_l2 = t216 + t217;
+        let t219 = A_l3_4 * r_phi1_dot_over_m2_l1_l2;
+        let t220 = t219 + t197;
+        let t221 = R::sum_error(t219, t197) + (fma(r_phi1_dot_over_m2_l1_l2, t40, fma(A_l3_4, t206, R::product_error(A_l3_4, r_phi1_dot_over_m2_l1_l2))) + t198);
+        let t222 = -(t220 + t221);
+        let t223 = t69 * z_theta2_dot_over_m2_l1_l2;
+        let t224 = t223 + t222;
+        let t225 = R::sum_error(t223, t222) + (fma(z_theta2_dot_over_m2_l1_l2, t70, fma(t69, t210, R::product_error(t69, z_theta2_dot_over_m2_l1_l2))) + -R::sum_error(t220, t221));
+        let t226 = t224 + t225;
+        let t227 = A_l3_1 * z_theta1_dot_over_m2_l1_l2;
+        let t228 = t226 - t227;
+        let t229 = R::sum_error(t226, -t227) + (R::sum_error(t224, t225) - fma(z_theta1_dot_over_m2_l1_l2, t83, fma(A_l3_1, t218, R::product_error(A_l3_1, z_theta1_dot_over_m2_l1_l2))));
+        let z_phi_dot_over_m2_l1_l2 = t228 + t229;
+        let dot_phi_dot = z_phi_dot_over_m2_l1_l2 / A_s1_3_3_over_m2_l1_l2;
+        let t230 = fma(-dot_phi_dot, R::sum_error(t85, t86), z_phi_dot_over_m2_l1_l2 - dot_phi_dot * A_s1_3_3_over_m2_l1_l2 - R::product_error(dot_phi_dot, A_s1_3_3_over_m2_l1_l2) + R::sum_error(t228, t229));
+        let t231 = t230 / A_s1_3_3_over_m2_l1_l2;
+        let t232 = z_theta1_dot_over_m2_l1_l2 * t81;
+        let t233 = A_l3_1 * dot_phi_dot;
+        let t234 = t232 - t233;
+        let t235 = fma(t81, t218, fma(z_theta1_dot_over_m2_l1_l2, t82, R::product_error(z_theta1_dot_over_m2_l1_l2, t81))) - fma(dot_phi_dot, t83, fma(A_l3_1, t231, R::product_error(A_l3_1, dot_phi_dot)));
+        let t236 = R::sum_error(t232, -t233) + t235;
+        let t237 = R::sum_error(t234, t236);
+        let dot_theta1_dot = t234 + t236;
+        let t238 = z_theta2_dot_over_m2_l1_l2 * t64;
+        let t239 = t69 * dot_phi_dot;
+        let t240 = t239 + t238;
+        let t241 = fma(dot_phi_dot, t70, fma(t69, t231, R::product_error(t69, dot_phi_dot))) + fma(t64, t210, fma(z_theta2_dot_over_m2_l1_l2, t65, R::product_error(z_theta2_dot_over_m2_l1_l2, t64)));
+        let t242 = R::sum_error(t239, t238) + t241;
+        let t243 = t240 + t242;
+        let t244 = A_l1_2 * dot_theta1_dot;
+        let t245 = t243 - t244;
+        let t246 = R::sum_error(t243, -t244) + (R::sum_error(t240, t242) - fma(dot_theta1_dot, t66, fma(A_l1_2, t237, R::product_error(A_l1_2, dot_theta1_dot))));
+        let dot_theta2_dot = t245 + t246;
+        let dot_theta1_dot_2 = dot_theta1_dot + t237;
+        let dot_theta2_dot_2 = dot_theta2_dot + R::sum_error(t245, t246);
+        let dot_phi_dot_2 = dot_phi_dot + t231;
         let dot_cos_theta1 = -(sin_theta1 * theta1_dot);
         let dot_sin_theta1 = cos_theta1 * theta1_dot;
         let dot_cos_theta2 = -(sin_theta2 * theta2_dot);
@@ -782,20 +829,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t4 = t0 * t0;
         let (t5, t6) = phi.sin_cos();
         let t7 = t6 * t0;
-        let A_phi1_dot_phi1_dot_over_m2_l22 = fma(fma(t7, self.c9, t2), self.c10 * t2, t4);
+        let A_phi1_dot_phi1_dot_over_m2_l22 = fma(fma(t7, self.c1, t2), self.c9 * t2, t4);
         // velocities of the momenta pi = W^T dL/dy
         let t8 = t0 * t5;
         let t9 = theta1_dot * t3;
         let t10 = theta2_dot * t1;
         let t11 = t5 * t10;
-        let q_phi1_dot_over_m2_l22 = fma(self.c4, fma(-t2, fma(phi_dot, t7, t11), t8 * t9), fma(-phi_dot, t4, self.c11));
+        let q_phi1_dot_over_m2_l22 = fma(self.c4, fma(-t2, fma(phi_dot, t7, t11), t8 * t9), fma(-phi_dot, t4, self.c10));
         let phi1_dot = q_phi1_dot_over_m2_l22 / A_phi1_dot_phi1_dot_over_m2_l22;
         let t12 = fma(t2, self.c4 * theta1_dot, theta2_dot * t0);
         let t13 = phi_dot + phi1_dot;
         let t14 = fma(-t8, t13, fma(t9, self.c4, t6 * t10));
         let t15 = t2 * phi1_dot;
         let t16 = fma(t15, self.c4, fma(t7, t13, t11));
-        fma(self.c15, fma(t16, t16, fma(t14, t14, t12 * t12)), fma(self.c14, fma(t15, t15, theta1_dot * theta1_dot), fma(t1, self.c13, self.c12 * t3)))
+        fma(self.c14, fma(t16, t16, fma(t14, t14, t12 * t12)), fma(self.c13, fma(t15, t15, theta1_dot * theta1_dot), fma(t1, self.c12, self.c11 * t3)))
     }
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
@@ -808,78 +855,78 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = theta1.sin_cos_of_two(theta2);
         let (t4, t5) = phi.sin_cos();
-        let t6 = t5 * t3 * t1;
-        let A_theta1_dot_theta2_dot_over_m2_l1_l2 = fma(t0, t2, t6);
-        let t7 = t4 * t2 * t1;
-        let A_phi_dot_phi_dot_over_m2_l1_l2 = self.c0 * t2 * t2;
+        let t6 = t4 * t2 * t1;
+        let t7 = self.c0 * (t2 * t2);
         let t8 = t5 * t2;
-        let t9 = t0 * t8;
-        let A_phi_dot_phi1_dot_over_m2_l1_l2 = A_phi_dot_phi_dot_over_m2_l1_l2 + t9;
-        let t10 = fma(t8, self.c1, t0) * (self.c2 * t0);
-        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = A_phi_dot_phi_dot_over_m2_l1_l2 + t10;
+        let t9 = fma(t8, self.c1, t0) * (self.c2 * t0);
+        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = t7 + t9;
         // factors of A
-        let t11 = t4 * t3 * t0;
-        let t12 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
-        let A_l2_4 = t11 * t12;
-        let t13 = t7 * t12;
-        let A_l3_4 = A_phi_dot_phi1_dot_over_m2_l1_l2 * t12;
-        let t14 = t11 * A_l2_4;
-        let A_s4_2_2_over_m2_l1_l2 = self.c0 - t14;
-        let t15 = t7 * A_l2_4;
-        let A_s4_2_1_over_m2_l1_l2 = A_theta1_dot_theta2_dot_over_m2_l1_l2 + t15;
-        let t16 = t7 * t13;
-        let A_s4_1_1_over_m2_l1_l2 = self.c2 - t16;
-        let t17 = A_phi_dot_phi1_dot_over_m2_l1_l2 * t13;
-        let A_s4_1_3_over_m2_l1_l2 = t17 - t7;
-        let t18 = A_phi_dot_phi1_dot_over_m2_l1_l2 * A_l3_4;
-        let A_s4_3_3_over_m2_l1_l2 = A_phi_dot_phi_dot_over_m2_l1_l2 - t18;
-        let t19 = A_s4_2_2_over_m2_l1_l2.recip();
-        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t19;
-        let t20 = A_phi_dot_phi1_dot_over_m2_l1_l2 * A_l2_4;
-        let t21 = t20 * t19;
-        let t22 = A_s4_2_1_over_m2_l1_l2 * A_l1_2;
-        let A_s2_1_1_over_m2_l1_l2 = A_s4_1_1_over_m2_l1_l2 - t22;
-        let t23 = A_l1_2 * t20;
-        let A_s2_1_3_over_m2_l1_l2 = A_s4_1_3_over_m2_l1_l2 + t23;
-        let t24 = t20 * t21;
-        let A_s2_3_3_over_m2_l1_l2 = A_s4_3_3_over_m2_l1_l2 - t24;
-        let t25 = A_s2_1_1_over_m2_l1_l2.recip();
-        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t25;
-        let t26 = A_s2_1_3_over_m2_l1_l2 * A_l3_1;
-        let A_s1_3_3_over_m2_l1_l2 = A_s2_3_3_over_m2_l1_l2 - t26;
-        let t27 = R::from_f64(10.0) * A_phi_dot_phi_dot_over_m2_l1_l2;
-        let t28 = fma(R::from_f64(10.0), t10.abs(), fma(fma(R::from_f64(20.0), (self.c16 * t8).abs(), R::from_f64(10.0) * t0), self.c2 * t0, t27));
-        let t29 = t12 * t12;
-        let t30 = fma(t28, (-(t11 * t29)).abs(), R::from_f64(8.0) * (-A_l2_4).abs());
-        let t31 = fma(t30, (-t11).abs(), fma(R::from_f64(10.0), (-t14).abs(), self.c17));
-        let A_l1_4 = -t13;
-        let t32 = A_l1_4.abs();
-        let t33 = fma(t28, (-(t7 * t29)).abs(), R::from_f64(8.0) * t32);
-        let A_theta1_dot_phi_dot_over_m2_l1_l2 = -t7;
-        let t34 = A_theta1_dot_phi_dot_over_m2_l1_l2.abs();
-        let t35 = fma(t30, t34, fma(R::from_f64(10.0), (-t15).abs(), fma(R::from_f64(2.0), A_theta1_dot_theta2_dot_over_m2_l1_l2.abs(), R::from_f64(10.0) * fma(t0, t2, t6.abs()))));
-        let t36 = A_l1_2.abs();
-        let t37 = t19 * t19;
-        let t38 = t19.abs();
-        let t39 = fma(t31, (A_s4_2_1_over_m2_l1_l2 * t37).abs(), fma(t36, R::from_f64(8.0), t35 * t38));
-        let t40 = fma(R::from_f64(10.0), t22.abs(), fma(t35, t36, fma(t33, t34, fma(R::from_f64(2.0), A_s4_1_1_over_m2_l1_l2.abs(), fma(R::from_f64(10.0), t16.abs(), self.c18)))));
-        let t41 = fma(t39, A_s4_2_1_over_m2_l1_l2.abs(), t40);
-        let t42 = R::from_f64(10.0) * (A_phi_dot_phi_dot_over_m2_l1_l2 + t9.abs());
-        let t43 = A_l3_4.abs();
-        let t44 = A_phi_dot_phi1_dot_over_m2_l1_l2.abs();
-        let t45 = t20.abs();
-        let t46 = fma(t30, t44, fma(t45, R::from_f64(8.0), t42 * A_l2_4.abs()));
-        let A_l3_2 = -t21;
-        let t47 = fma(R::from_f64(10.0), t23.abs(), fma(t46, t36, fma(t33, t44, fma(R::from_f64(2.0), A_s4_1_3_over_m2_l1_l2.abs(), fma(R::from_f64(10.0), (-t17).abs(), fma(t42, t32, R::from_f64(10.0) * t34))))));
-        let t48 = fma(t39, t45, t47);
-        let t49 = A_l3_1.abs();
-        let t50 = fma(t44, fma(t28, (A_phi_dot_phi1_dot_over_m2_l1_l2 * t29).abs(), fma(t43, R::from_f64(8.0), t42 * t12.abs())), fma(R::from_f64(10.0), t18.abs(), fma(t42, t43, t27)));
-        let t51 = fma(t45, fma(t31, (t20 * t37).abs(), fma(R::from_f64(8.0), t21.abs(), t38 * t46)), fma(R::from_f64(10.0), (-t24).abs(), fma(t46, A_l3_2.abs(), fma(R::from_f64(2.0), A_s4_3_3_over_m2_l1_l2.abs(), t50))));
+        let t10 = t4 * t3 * t0;
+        let t11 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
+        let A_l2_4 = t10 * t11;
+        let t12 = t6 * t11;
+        let t13 = t0 * t8;
+        let t14 = t7 + t13;
+        let A_l3_4 = t14 * t11;
+        let t15 = t10 * A_l2_4;
+        let A_s4_2_2_over_m2_l1_l2 = self.c0 - t15;
+        let t16 = t5 * t3 * t1;
+        let t17 = fma(t0, t2, t16);
+        let t18 = t6 * A_l2_4;
+        let A_s4_2_1_over_m2_l1_l2 = t17 + t18;
+        let t19 = t6 * t12;
+        let A_s4_1_1_over_m2_l1_l2 = self.c2 - t19;
+        let t20 = t12 * t14;
+        let A_s4_1_3_over_m2_l1_l2 = t20 - t6;
+        let t21 = t14 * A_l3_4;
+        let A_s4_3_3_over_m2_l1_l2 = t7 - t21;
+        let t22 = A_s4_2_2_over_m2_l1_l2.recip();
+        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t22;
+        let t23 = A_l2_4 * t14;
+        let t24 = t23 * t22;
+        let t25 = A_s4_2_1_over_m2_l1_l2 * A_l1_2;
+        let A_s2_1_1_over_m2_l1_l2 = A_s4_1_1_over_m2_l1_l2 - t25;
+        let t26 = A_l1_2 * t23;
+        let A_s2_1_3_over_m2_l1_l2 = A_s4_1_3_over_m2_l1_l2 + t26;
+        let t27 = t23 * t24;
+        let A_s2_3_3_over_m2_l1_l2 = A_s4_3_3_over_m2_l1_l2 - t27;
+        let t28 = A_s2_1_1_over_m2_l1_l2.recip();
+        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t28;
+        let t29 = A_s2_1_3_over_m2_l1_l2 * A_l3_1;
+        let A_s1_3_3_over_m2_l1_l2 = A_s2_3_3_over_m2_l1_l2 - t29;
+        let t30 = R::from_f64(10.0) * t7;
+        let t31 = fma(R::from_f64(10.0), t9.abs(), fma(fma(R::from_f64(20.0), (self.c15 * t8).abs(), R::from_f64(10.0) * t0), self.c2 * t0, t30));
+        let t32 = t11 * t11;
+        let t33 = fma(t31, (-(t10 * t32)).abs(), R::from_f64(8.0) * (-A_l2_4).abs());
+        let t34 = fma(t33, (-t10).abs(), fma(R::from_f64(10.0), (-t15).abs(), self.c16));
+        let A_l1_4 = -t12;
+        let t35 = A_l1_4.abs();
+        let t36 = fma(t31, (-(t6 * t32)).abs(), R::from_f64(8.0) * t35);
+        let A_theta1_dot_phi_dot_over_m2_l1_l2 = -t6;
+        let t37 = A_theta1_dot_phi_dot_over_m2_l1_l2.abs();
+        let t38 = fma(t33, t37, fma(R::from_f64(10.0), (-t18).abs(), fma(R::from_f64(2.0), t17.abs(), R::from_f64(10.0) * fma(t0, t2, t16.abs()))));
+        let t39 = A_l1_2.abs();
+        let t40 = t22 * t22;
+        let t41 = t22.abs();
+        let t42 = fma(t34, (A_s4_2_1_over_m2_l1_l2 * t40).abs(), fma(t39, R::from_f64(8.0), t38 * t41));
+        let t43 = fma(R::from_f64(10.0), t25.abs(), fma(t38, t39, fma(t36, t37, fma(R::from_f64(2.0), A_s4_1_1_over_m2_l1_l2.abs(), fma(R::from_f64(10.0), t19.abs(), self.c17)))));
+        let t44 = fma(t42, A_s4_2_1_over_m2_l1_l2.abs(), t43);
+        let t45 = R::from_f64(10.0) * (t7 + t13.abs());
+        let t46 = A_l3_4.abs();
+        let t47 = t14.abs();
+        let t48 = t23.abs();
+        let t49 = fma(t33, t47, fma(t48, R::from_f64(8.0), t45 * A_l2_4.abs()));
+        let A_l3_2 = -t24;
+        let t50 = fma(R::from_f64(10.0), t26.abs(), fma(t49, t39, fma(t36, t47, fma(R::from_f64(2.0), A_s4_1_3_over_m2_l1_l2.abs(), fma(R::from_f64(10.0), (-t20).abs(), fma(t45, t35, R::from_f64(10.0) * t37))))));
+        let t51 = fma(t42, t48, t50);
+        let t52 = A_l3_1.abs();
+        let t53 = fma(R::from_f64(2.0), A_s4_3_3_over_m2_l1_l2.abs(), fma(t47, fma(t31, (t14 * t32).abs(), fma(t46, R::from_f64(8.0), t45 * t11.abs())), fma(R::from_f64(10.0), t21.abs(), fma(t45, t46, t30))));
+        let t54 = fma(R::from_f64(2.0), A_s2_3_3_over_m2_l1_l2.abs(), fma(t48, fma(t34, (t23 * t40).abs(), fma(R::from_f64(8.0), t24.abs(), t41 * t49)), fma(R::from_f64(10.0), (-t27).abs(), fma(t49, A_l3_2.abs(), t53))));
         [
-            ::hamel_runtime::Pivot::new("inertia along theta2_dot", A_s4_2_2_over_m2_l1_l2, t31),
-            ::hamel_runtime::Pivot::new("inertia along theta1_dot", A_s2_1_1_over_m2_l1_l2, t41),
-            ::hamel_runtime::Pivot::new("inertia along phi_dot", A_s1_3_3_over_m2_l1_l2, fma(fma(t41, (A_s2_1_3_over_m2_l1_l2 * (t25 * t25)).abs(), fma(t49, R::from_f64(8.0), t48 * t25.abs())), A_s2_1_3_over_m2_l1_l2.abs(), fma(R::from_f64(10.0), t26.abs(), fma(t48, t49, fma(R::from_f64(2.0), A_s2_3_3_over_m2_l1_l2.abs(), t51))))),
-            ::hamel_runtime::Pivot::new("inertia along phi1_dot", A_phi1_dot_phi1_dot_over_m2_l1_l2, t28),
+            ::hamel_runtime::Pivot::new("inertia along theta2_dot", A_s4_2_2_over_m2_l1_l2, t34),
+            ::hamel_runtime::Pivot::new("inertia along theta1_dot", A_s2_1_1_over_m2_l1_l2, t44),
+            ::hamel_runtime::Pivot::new("inertia along phi_dot", A_s1_3_3_over_m2_l1_l2, fma(fma(t44, (A_s2_1_3_over_m2_l1_l2 * (t28 * t28)).abs(), fma(t52, R::from_f64(8.0), t51 * t28.abs())), A_s2_1_3_over_m2_l1_l2.abs(), fma(R::from_f64(10.0), t29.abs(), fma(t51, t52, t54)))),
+            ::hamel_runtime::Pivot::new("inertia along phi1_dot", A_phi1_dot_phi1_dot_over_m2_l1_l2, t31),
         ]
     }
 
@@ -904,7 +951,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // mass matrix A = W^T L_yy Psi
         let t0 = theta2.sin();
         let t1 = theta1.sin();
-        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(fma(self.c1 * t0, phi.cos(), t1), self.c2 * t1, self.c0 * t0 * t0);
+        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(fma(self.c1 * t0, phi.cos(), t1), self.c2 * t1, self.c0 * (t0 * t0));
         R::from_f64(0.25) * A_phi1_dot_phi1_dot_over_m2_l1_l2 / A_phi1_dot_phi1_dot_over_m2_l1_l2.abs()
     }
 
@@ -930,7 +977,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[6] {
     c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20, c21, c22,
-    c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33,
+    c23, c24, c25, c26, c27, c28, c29, c30, c31,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

@@ -63,7 +63,7 @@ pub const INITIAL: [f64; 9] = [
 ///
 /// Held to its definition at 3 points: 4 functions.
 ///
-/// Function `rhs` has rounding errors of up to 4e11 times what rounding the inputs does, 4e10 times with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `rhs` has rounding errors of up to 4e11 times what rounding the inputs does, 3e9 times with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
 /// # State
 ///
@@ -78,37 +78,35 @@ pub const INITIAL: [f64; 9] = [
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub struct Prepared<R = f64> {
     c0: R, // l2 / l1
-    c1: R, // (m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * l1 * l2)
-    c2: R, // p / (m2 * l1 * l2)
-    c3: R, // 0.5 * l1 / l2
-    c4: R, // l1 / l2
-    c5: R, // (m1 * l1 * g + m2 * l1 * g) / (m2 * (l1 * l1))
-    c6: R, // -(0.5 * m1 * l1 / (m2 * l2))
-    c7: R, // g / l1
-    c8: R, // 2 * l2 / l1
-    c9: R, // -2 * m1 * l1 / (m2 * l2)
-    c10: R, // 2 * m2 * l1 * l2 / (m1 * (l1 * l1) + m2 * (l1 * l1))
+    c1: R, // 2 * m2 * l1 * l2 / (m1 * (l1 * l1) + m2 * (l1 * l1))
+    c2: R,
+    c3: R, // p / (m2 * l1 * l2)
+    c4: R, // 2 * l2 / l1
+    c5: R, // l1 / l2
+    c6: R, // (m1 * l1 * g + m2 * l1 * g) / (m1 * (l1 * l1))
+    c7: R, // m2 / m1
+    c8: R, // -(m1 * l1 / (m2 * l2))
+    c9: R, // -(g / l1)
+    c10: R, // 2 * m1 / m2
     c11: R, // (m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * (l2 * l2))
     c12: R, // p / (m2 * (l2 * l2))
     dL_dtheta1_c: R, // m1 * l1 * g + m2 * l1 * g
     c13: R, // -(m2 * l2 * g)
     c14: R, // 0.5 * m1 * (l1 * l1)
     c15: R, // 0.5 * m2 * (l1 * l1)
-    c16: R, // 11 * (m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * l1 * l2)
+    c16: R, // m2 * l1 * l2 / (m1 * (l1 * l1) + m2 * (l1 * l1))
     c17: R, // 10 * l2 / l1
-    c18: R, // 10 * (m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * l1 * l2)
+    c18: R,
     c19: R, // l2 / l1
-    c20: R, // (m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * l1 * l2)
+    c20: R,
     c21: R, // l2 / l1
-    c22: R, // l1 / l2
-    c23: R, // 2 * l2 / l1
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 2 additions, 27 multiplications, 16 divisions, 2 sign changes.
+    /// Operations: 3 additions, 35 multiplications, 16 divisions, 3 sign changes.
     ///
     /// # Errors
     ///
@@ -118,33 +116,39 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let Params { m1, m2, l1, l2, g, p } = *params;
         let t0 = l2 / l1;
         let t1 = l1 * l1;
-        let t2 = m2 * t1;
-        let A_theta1_dot_theta1_dot = m1 * t1 + t2;
-        let t3 = m2 * l1;
-        let t4 = t3 * l2;
-        let t5 = A_theta1_dot_theta1_dot / t4;
-        let t6 = l1 / l2;
-        let dL_dtheta1_c = m1 * l1 * g + t3 * g;
-        let t7 = R::from_f64(0.5) * m1;
-        let t8 = m2 * l2;
-        let t9 = R::from_f64(2.0) * l2 / l1;
-        let t10 = m2 * (l2 * l2);
+        let t2 = m1 * t1;
+        let A_theta1_dot_theta1_dot = t2 + m2 * t1;
+        let t3 = m2 * m2;
+        let t4 = t3 * m2;
+        let t5 = t1 * t1;
+        let t6 = l2 * l2;
+        let t7 = t4 * t5 * t6 + m1 * t3 * t5 * t6;
+        let t8 = t4 * (t1 * l1) * (t6 * l2);
+        let t9 = t7 / t8;
+        let t10 = m2 * l1;
+        let t11 = t10 * l2;
+        let t12 = m1 * l1;
+        let dL_dtheta1_c = t12 * g + t10 * g;
+        let t13 = m2 * l2;
+        let t14 = m2 * t6;
         ::hamel_runtime::ParamError::require(m1.all_gt(R::ZERO), "m1 > 0", "")?;
         ::hamel_runtime::ParamError::require(m2.all_gt(R::ZERO), "m2 > 0", "")?;
         ::hamel_runtime::ParamError::require(l1.all_gt(R::ZERO), "l1 > 0", "")?;
         ::hamel_runtime::ParamError::require(l2.all_gt(R::ZERO), "l2 > 0", "")?;
         Ok(Self {
-            c0: t0, c1: t5, c2: p / t4, c3: R::from_f64(0.5) * l1 / l2, c4: t6, c5: dL_dtheta1_c / t2,
-            c6: -(t7 * l1 / t8), c7: g / l1, c8: t9,
-            c9: R::from_f64(-2.0) * m1 * l1 / t8,
-            c10: R::from_f64(2.0) * m2 * l1 * l2 / A_theta1_dot_theta1_dot,
-            c11: A_theta1_dot_theta1_dot / t10,
-            c12: p / t10, dL_dtheta1_c, c13: -(t8 * g), c14: t7 * t1,
+            c0: t0,
+            c1: R::from_f64(2.0) * m2 * l1 * l2 / A_theta1_dot_theta1_dot,
+            c2: t9, c3: p / t11, c4: R::from_f64(2.0) * l2 / l1, c5: l1 / l2, c6: dL_dtheta1_c / t2, c7: m2 / m1,
+            c8: -(t12 / t13), c9: -(g / l1),
+            c10: R::from_f64(2.0) * m1 / m2,
+            c11: A_theta1_dot_theta1_dot / t14,
+            c12: p / t14, dL_dtheta1_c, c13: -(t13 * g),
+            c14: R::from_f64(0.5) * m1 * t1,
             c15: R::from_f64(0.5) * m2 * t1,
-            c16: R::from_f64(11.0) * A_theta1_dot_theta1_dot / t4,
+            c16: t11 / A_theta1_dot_theta1_dot,
             c17: R::from_f64(10.0) * l2 / l1,
-            c18: R::from_f64(10.0) * A_theta1_dot_theta1_dot / t4,
-            c19: t0, c20: t5, c21: t0, c22: t6, c23: t9,
+            c18: R::from_f64(10.0) * t7 / t8,
+            c19: t0, c20: t9, c21: t0,
         })
     }
 
@@ -156,18 +160,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain double_spherical_pendulum
     /// ```
     ///
-    /// Operations: 42 additions, 85 multiplications (38 fused), 4 divisions, 3 sign changes.
+    /// Operations: 45 additions, 85 multiplications (42 fused), 4 divisions, 3 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 9], dy: &mut [R; 9]) {
         let [theta1_c, theta1_s, theta2_c, theta2_s, phi_c, phi_s, theta1_dot, theta2_dot, phi_dot] = *y;
         let _ = t;
         // mass matrix A = W^T L_yy Psi
-        let A_theta1_dot_theta2_dot_over_m2_l1_l2 = fma(theta1_c, phi_c * theta2_c, theta1_s * theta2_s);
-        let A_phi_dot_phi_dot_over_m2_l1_l2 = self.c0 * theta2_s * theta2_s;
-        let t0 = theta2_s * phi_c;
-        let t1 = theta1_s * t0;
-        let A_phi_dot_phi1_dot_over_m2_l1_l2 = A_phi_dot_phi_dot_over_m2_l1_l2 + t1;
-        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(t1, R::from_f64(2.0), fma(self.c1, theta1_s * theta1_s, A_phi_dot_phi_dot_over_m2_l1_l2));
+        let t0 = self.c0 * (theta2_s * theta2_s);
+        let t1 = theta2_s * phi_c;
+        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(fma(t1, self.c1, theta1_s), self.c2 * theta1_s, t0);
         // factors of A
         let t2 = phi_s * theta2_c * theta1_s;
         let t3 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
@@ -175,51 +176,55 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t4 = theta2_s * phi_s;
         let t5 = theta1_c * t4;
         let t6 = t5 * t3;
-        let A_l3_4 = A_phi_dot_phi1_dot_over_m2_l1_l2 * t3;
+        let t7 = fma(theta1_s, t1, t0);
+        let A_l3_4 = t7 * t3;
         let A_s4_2_2_over_m2_l1_l2 = fma(-t2, A_l2_4, self.c19);
-        let A_s4_2_1_over_m2_l1_l2 = fma(A_l2_4, t5, A_theta1_dot_theta2_dot_over_m2_l1_l2);
+        let A_s4_2_1_over_m2_l1_l2 = fma(A_l2_4, t5, fma(theta1_c, phi_c * theta2_c, theta1_s * theta2_s));
         let A_s4_1_1_over_m2_l1_l2 = fma(-t5, t6, self.c20);
-        let A_s4_1_3_over_m2_l1_l2 = fma(A_phi_dot_phi1_dot_over_m2_l1_l2, t6, -t5);
-        let A_s4_3_3_over_m2_l1_l2 = fma(-A_phi_dot_phi1_dot_over_m2_l1_l2, A_l3_4, A_phi_dot_phi_dot_over_m2_l1_l2);
-        let t7 = A_s4_2_2_over_m2_l1_l2.recip();
-        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t7;
-        let t8 = A_phi_dot_phi1_dot_over_m2_l1_l2 * A_l2_4;
-        let t9 = t8 * t7;
+        let A_s4_1_3_over_m2_l1_l2 = fma(t6, t7, -t5);
+        let A_s4_3_3_over_m2_l1_l2 = fma(-t7, A_l3_4, t0);
+        let t8 = A_s4_2_2_over_m2_l1_l2.recip();
+        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t8;
+        let t9 = A_l2_4 * t7;
+        let t10 = t9 * t8;
         let A_s2_1_1_over_m2_l1_l2 = fma(-A_s4_2_1_over_m2_l1_l2, A_l1_2, A_s4_1_1_over_m2_l1_l2);
-        let A_s2_1_3_over_m2_l1_l2 = fma(A_l1_2, t8, A_s4_1_3_over_m2_l1_l2);
-        let A_s2_3_3_over_m2_l1_l2 = fma(-t8, t9, A_s4_3_3_over_m2_l1_l2);
-        let t10 = A_s2_1_1_over_m2_l1_l2.recip();
-        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t10;
+        let A_s2_1_3_over_m2_l1_l2 = fma(A_l1_2, t9, A_s4_1_3_over_m2_l1_l2);
+        let A_s2_3_3_over_m2_l1_l2 = fma(-t9, t10, A_s4_3_3_over_m2_l1_l2);
+        let t11 = A_s2_1_1_over_m2_l1_l2.recip();
+        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t11;
         let A_s1_3_3_over_m2_l1_l2 = fma(-A_s2_1_3_over_m2_l1_l2, A_l3_1, A_s2_3_3_over_m2_l1_l2);
         // velocities of the momenta pi = W^T dL/dy
-        let q_phi1_dot_over_m2_l1_l2 = fma(-phi_dot, A_phi_dot_phi1_dot_over_m2_l1_l2, fma(theta1_dot, t5, fma(-theta2_dot, t2, self.c2)));
+        let dot_theta1_s = theta1_dot * theta1_c;
+        let q_phi1_dot_over_m2_l1_l2 = fma(-phi_dot, t7, fma(-theta2_dot, t2, fma(t4, dot_theta1_s, self.c3)));
         let phi1_dot = q_phi1_dot_over_m2_l1_l2 * t3;
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let t11 = theta1_dot * theta1_s;
-        let t12 = theta1_s * phi1_dot;
-        let t13 = phi1_dot * t12;
-        let t14 = phi_dot + phi1_dot;
+        let t12 = theta1_s * fma(phi1_dot, phi1_dot, theta1_dot * theta1_dot);
+        let t13 = self.c21 * theta2_dot;
+        let t14 = theta2_dot * t13;
         let dot_theta2_s = theta2_dot * theta2_c;
-        let t15 = t14 * dot_theta2_s;
-        let t16 = R::from_f64(0.5) * fma(t14, t14, theta2_dot * theta2_dot);
-        let a2_1_over_2_l2 = fma(-t0, t16, fma(self.c3, fma(-theta1_dot, t11, -t13), -(phi_s * t15)));
-        let dot_theta1_s = theta1_dot * theta1_c;
-        let a2_2_over_2_l2 = fma(-t4, t16, fma(phi_c, t15, phi1_dot * (self.c4 * dot_theta1_s)));
-        let a2_3_over_l1 = fma(dot_theta2_s, self.c21 * theta2_dot, theta1_dot * dot_theta1_s);
+        let t15 = phi_s * dot_theta2_s;
+        let t16 = phi_dot + phi1_dot;
+        let t17 = self.c0 * t16;
+        let a2_1_over_l1 = fma(-t17, fma(t1, t16, t15 + t15), fma(-t1, t14, -t12));
+        let t18 = dot_theta1_s * phi1_dot;
+        let a2_2_over_l1 = fma(-t4, fma(t16, t17, t14), fma(t16, dot_theta2_s * (self.c4 * phi_c), R::from_f64(2.0) * t18));
+        let t19 = theta1_dot * dot_theta1_s;
+        let a2_3_over_l1 = fma(t13, dot_theta2_s, t19);
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let r_theta1_dot_over_m2_l1_l2 = fma(-fma(t13, self.c6, a2_1_over_2_l2), R::from_f64(2.0) * theta1_c, -((self.c5 + a2_3_over_l1) * (self.c22 * theta1_s)));
-        let r_theta2_dot_over_m2_l1_l2 = fma(-fma(phi_c, a2_1_over_2_l2, phi_s * a2_2_over_2_l2), self.c8 * theta2_c, -(theta2_s * (self.c7 + a2_3_over_l1)));
-        let t17 = self.c23 * fma(-t4, a2_1_over_2_l2, t0 * a2_2_over_2_l2);
-        let r_phi1_dot_over_m2_l1_l2 = fma(-a2_2_over_2_l2, R::from_f64(2.0) * theta1_s, fma(t12, self.c9 * dot_theta1_s, -t17));
+        let t20 = self.c5 * theta1_s;
+        let r_theta1_dot_over_m2_l1_l2 = fma(self.c8, fma(theta1_c, fma(a2_1_over_l1, self.c7, -t12), theta1_s * (self.c6 + t19)), -(a2_3_over_l1 * t20));
+        let r_theta2_dot_over_m2_l1_l2 = fma(-theta2_c, fma(phi_s, a2_2_over_l1, phi_c * a2_1_over_l1), fma(-theta2_s, a2_3_over_l1, self.c9 * theta2_s));
+        let r_phi_dot_over_m2_l1_l2 = fma(-t1, a2_2_over_l1, t4 * a2_1_over_l1);
+        let r_phi1_dot_over_m2_l1_l2 = fma(-t20, fma(t18, self.c10, a2_2_over_l1), r_phi_dot_over_m2_l1_l2);
         // substitution through the factors of A
         let z_theta2_dot_over_m2_l1_l2 = fma(-A_l2_4, r_phi1_dot_over_m2_l1_l2, r_theta2_dot_over_m2_l1_l2);
         let z_theta1_dot_over_m2_l1_l2 = fma(-A_l1_2, z_theta2_dot_over_m2_l1_l2, fma(t6, r_phi1_dot_over_m2_l1_l2, r_theta1_dot_over_m2_l1_l2));
-        let z_phi_dot_over_m2_l1_l2 = fma(-A_l3_1, z_theta1_dot_over_m2_l1_l2, fma(t9, z_theta2_dot_over_m2_l1_l2, fma(-A_l3_4, r_phi1_dot_over_m2_l1_l2, -t17)));
+        let z_phi_dot_over_m2_l1_l2 = fma(-A_l3_1, z_theta1_dot_over_m2_l1_l2, fma(t10, z_theta2_dot_over_m2_l1_l2, fma(-A_l3_4, r_phi1_dot_over_m2_l1_l2, r_phi_dot_over_m2_l1_l2)));
         let dot_phi_dot = z_phi_dot_over_m2_l1_l2 / A_s1_3_3_over_m2_l1_l2;
-        let dot_theta1_dot = fma(-A_l3_1, dot_phi_dot, z_theta1_dot_over_m2_l1_l2 * t10);
-        let dot_theta2_dot = fma(-A_l1_2, dot_theta1_dot, fma(t9, dot_phi_dot, z_theta2_dot_over_m2_l1_l2 * t7));
+        let dot_theta1_dot = fma(-A_l3_1, dot_phi_dot, z_theta1_dot_over_m2_l1_l2 * t11);
+        let dot_theta2_dot = fma(-A_l1_2, dot_theta1_dot, fma(t10, dot_phi_dot, z_theta2_dot_over_m2_l1_l2 * t8));
         let dot_phi_s = phi_dot * phi_c;
-        let dot_theta1_c = -t11;
+        let dot_theta1_c = -(theta1_dot * theta1_s);
         let dot_theta2_c = -(theta2_dot * theta2_s);
         let dot_phi_c = -(phi_dot * phi_s);
         *dy = [
@@ -239,13 +244,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // mass matrix A = W^T L_yy Psi
         let t0 = theta2_s * theta2_s;
         let t1 = theta2_s * phi_c;
-        let A_phi1_dot_phi1_dot_over_m2_l22 = fma(fma(t1, self.c10, theta1_s), self.c11 * theta1_s, t0);
+        let A_phi1_dot_phi1_dot_over_m2_l22 = fma(fma(t1, self.c1, theta1_s), self.c11 * theta1_s, t0);
         // velocities of the momenta pi = W^T dL/dy
         let t2 = theta2_dot * theta2_c;
         let t3 = phi_s * t2;
         let t4 = theta2_s * phi_s;
         let t5 = theta1_dot * theta1_c;
-        let q_phi1_dot_over_m2_l22 = fma(-self.c4, fma(theta1_s, fma(phi_dot, t1, t3), -(t4 * t5)), fma(-phi_dot, t0, self.c12));
+        let q_phi1_dot_over_m2_l22 = fma(-self.c5, fma(theta1_s, fma(phi_dot, t1, t3), -(t4 * t5)), fma(-phi_dot, t0, self.c12));
         let phi1_dot = q_phi1_dot_over_m2_l22 / A_phi1_dot_phi1_dot_over_m2_l22;
         let t6 = fma(theta2_dot, self.c0 * theta2_s, theta1_dot * theta1_s);
         let t7 = phi_dot + phi1_dot;
@@ -274,81 +279,82 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
-    /// Operations: 58 additions, 95 multiplications (47 fused), 3 divisions, 49 sign changes.
+    /// Operations: 59 additions, 98 multiplications (47 fused), 3 divisions, 51 sign changes.
     #[must_use]
     pub fn pivots(&self, t: R, y: &[R; 9]) -> [::hamel_runtime::Pivot<R>; 4] {
         let [theta1_c, theta1_s, theta2_c, theta2_s, phi_c, phi_s, _, _, _] = *y;
         let _ = t;
         // mass matrix A = W^T L_yy Psi
-        let t0 = phi_c * theta2_c * theta1_c;
-        let A_theta1_dot_theta2_dot_over_m2_l1_l2 = fma(theta1_s, theta2_s, t0);
-        let A_phi_dot_phi_dot_over_m2_l1_l2 = self.c0 * theta2_s * theta2_s;
-        let t1 = phi_c * theta2_s * theta1_s;
-        let A_phi_dot_phi1_dot_over_m2_l1_l2 = A_phi_dot_phi_dot_over_m2_l1_l2 + t1;
-        let t2 = theta1_s * theta1_s;
-        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(t1, R::from_f64(2.0), fma(t2, self.c1, A_phi_dot_phi_dot_over_m2_l1_l2));
+        let t0 = self.c0 * (theta2_s * theta2_s);
+        let t1 = theta2_s * phi_c;
+        let t2 = fma(t1, self.c1, theta1_s) * (self.c2 * theta1_s);
+        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = t0 + t2;
         // factors of A
         let t3 = phi_s * theta2_c * theta1_s;
         let t4 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
         let A_l2_4 = t3 * t4;
         let t5 = phi_s * theta2_s * theta1_c;
         let t6 = t5 * t4;
-        let A_l3_4 = A_phi_dot_phi1_dot_over_m2_l1_l2 * t4;
-        let t7 = t3 * A_l2_4;
-        let A_s4_2_2_over_m2_l1_l2 = self.c0 - t7;
-        let t8 = A_l2_4 * t5;
-        let A_s4_2_1_over_m2_l1_l2 = A_theta1_dot_theta2_dot_over_m2_l1_l2 + t8;
-        let t9 = t5 * t6;
-        let A_s4_1_1_over_m2_l1_l2 = self.c1 - t9;
-        let t10 = A_phi_dot_phi1_dot_over_m2_l1_l2 * t6;
-        let A_s4_1_3_over_m2_l1_l2 = t10 - t5;
-        let t11 = A_phi_dot_phi1_dot_over_m2_l1_l2 * A_l3_4;
-        let A_s4_3_3_over_m2_l1_l2 = A_phi_dot_phi_dot_over_m2_l1_l2 - t11;
-        let t12 = A_s4_2_2_over_m2_l1_l2.recip();
-        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t12;
-        let t13 = A_phi_dot_phi1_dot_over_m2_l1_l2 * A_l2_4;
-        let t14 = t13 * t12;
-        let t15 = A_s4_2_1_over_m2_l1_l2 * A_l1_2;
-        let A_s2_1_1_over_m2_l1_l2 = A_s4_1_1_over_m2_l1_l2 - t15;
-        let t16 = A_l1_2 * t13;
-        let A_s2_1_3_over_m2_l1_l2 = A_s4_1_3_over_m2_l1_l2 + t16;
-        let t17 = t13 * t14;
-        let A_s2_3_3_over_m2_l1_l2 = A_s4_3_3_over_m2_l1_l2 - t17;
-        let t18 = A_s2_1_1_over_m2_l1_l2.recip();
-        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t18;
-        let t19 = A_s2_1_3_over_m2_l1_l2 * A_l3_1;
-        let A_s1_3_3_over_m2_l1_l2 = A_s2_3_3_over_m2_l1_l2 - t19;
-        let t20 = t1.abs();
-        let t21 = fma(t20, R::from_f64(22.0), fma(A_phi_dot_phi_dot_over_m2_l1_l2, R::from_f64(11.0), self.c16 * t2));
-        let t22 = t4 * t4;
-        let t23 = fma(t21, (-(t3 * t22)).abs(), R::from_f64(8.0) * (-A_l2_4).abs());
-        let t24 = fma(t23, (-t3).abs(), fma(R::from_f64(10.0), (-t7).abs(), self.c17));
-        let t25 = fma(t21, (t5 * t22).abs(), R::from_f64(8.0) * t6.abs());
-        let t26 = t5.abs();
-        let t27 = fma(t23, t26, fma(R::from_f64(10.0), t8.abs(), fma(R::from_f64(2.0), A_theta1_dot_theta2_dot_over_m2_l1_l2.abs(), R::from_f64(10.0) * fma(theta1_s, theta2_s, t0.abs()))));
-        let t28 = A_l1_2.abs();
-        let t29 = t12 * t12;
-        let t30 = t12.abs();
-        let t31 = fma(t24, (A_s4_2_1_over_m2_l1_l2 * t29).abs(), fma(t28, R::from_f64(8.0), t27 * t30));
-        let t32 = fma(R::from_f64(10.0), t15.abs(), fma(t27, t28, fma(R::from_f64(2.0), A_s4_1_1_over_m2_l1_l2.abs(), fma(t25, t26, fma(R::from_f64(10.0), (-t9).abs(), self.c18)))));
-        let t33 = fma(t31, A_s4_2_1_over_m2_l1_l2.abs(), t32);
-        let t34 = R::from_f64(10.0) * (A_phi_dot_phi_dot_over_m2_l1_l2 + t20);
-        let t35 = A_l3_4.abs();
-        let t36 = A_phi_dot_phi1_dot_over_m2_l1_l2.abs();
-        let t37 = t13.abs();
-        let t38 = fma(t23, t36, fma(t37, R::from_f64(8.0), t34 * A_l2_4.abs()));
-        let A_l3_2 = -t14;
+        let t7 = theta1_s * t1;
+        let t8 = t0 + t7;
+        let A_l3_4 = t8 * t4;
+        let t9 = t3 * A_l2_4;
+        let A_s4_2_2_over_m2_l1_l2 = self.c0 - t9;
+        let t10 = phi_c * theta2_c * theta1_c;
+        let t11 = fma(theta1_s, theta2_s, t10);
+        let t12 = A_l2_4 * t5;
+        let A_s4_2_1_over_m2_l1_l2 = t11 + t12;
+        let t13 = t5 * t6;
+        let A_s4_1_1_over_m2_l1_l2 = self.c2 - t13;
+        let t14 = t6 * t8;
+        let A_s4_1_3_over_m2_l1_l2 = t14 - t5;
+        let t15 = t8 * A_l3_4;
+        let A_s4_3_3_over_m2_l1_l2 = t0 - t15;
+        let t16 = A_s4_2_2_over_m2_l1_l2.recip();
+        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t16;
+        let t17 = A_l2_4 * t8;
+        let t18 = t17 * t16;
+        let t19 = A_s4_2_1_over_m2_l1_l2 * A_l1_2;
+        let A_s2_1_1_over_m2_l1_l2 = A_s4_1_1_over_m2_l1_l2 - t19;
+        let t20 = A_l1_2 * t17;
+        let A_s2_1_3_over_m2_l1_l2 = A_s4_1_3_over_m2_l1_l2 + t20;
+        let t21 = t17 * t18;
+        let A_s2_3_3_over_m2_l1_l2 = A_s4_3_3_over_m2_l1_l2 - t21;
+        let t22 = A_s2_1_1_over_m2_l1_l2.recip();
+        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t22;
+        let t23 = A_s2_1_3_over_m2_l1_l2 * A_l3_1;
+        let A_s1_3_3_over_m2_l1_l2 = A_s2_3_3_over_m2_l1_l2 - t23;
+        let t24 = R::from_f64(10.0) * t0;
+        let t25 = fma(R::from_f64(10.0), t2.abs(), fma(fma(R::from_f64(20.0), (self.c16 * t1).abs(), R::from_f64(10.0) * theta1_s), self.c2 * theta1_s, t24));
+        let t26 = t4 * t4;
+        let t27 = fma(t25, (-(t3 * t26)).abs(), R::from_f64(8.0) * (-A_l2_4).abs());
+        let t28 = fma(t27, (-t3).abs(), fma(R::from_f64(10.0), (-t9).abs(), self.c17));
+        let t29 = fma(t25, (t5 * t26).abs(), R::from_f64(8.0) * t6.abs());
+        let t30 = t5.abs();
+        let t31 = fma(t27, t30, fma(R::from_f64(10.0), t12.abs(), fma(R::from_f64(2.0), t11.abs(), R::from_f64(10.0) * fma(theta1_s, theta2_s, t10.abs()))));
+        let t32 = A_l1_2.abs();
+        let t33 = t16 * t16;
+        let t34 = t16.abs();
+        let t35 = fma(t28, (A_s4_2_1_over_m2_l1_l2 * t33).abs(), fma(t32, R::from_f64(8.0), t31 * t34));
+        let t36 = fma(R::from_f64(10.0), t19.abs(), fma(t31, t32, fma(R::from_f64(2.0), A_s4_1_1_over_m2_l1_l2.abs(), fma(t29, t30, fma(R::from_f64(10.0), (-t13).abs(), self.c18)))));
+        let t37 = fma(t35, A_s4_2_1_over_m2_l1_l2.abs(), t36);
+        let t38 = R::from_f64(10.0) * (t0 + t7.abs());
+        let t39 = A_l3_4.abs();
+        let t40 = t8.abs();
+        let t41 = t17.abs();
+        let t42 = fma(t27, t40, fma(t41, R::from_f64(8.0), t38 * A_l2_4.abs()));
+        let A_l3_2 = -t18;
         let A_l1_4 = -t6;
-        let t39 = fma(t38, t28, fma(R::from_f64(2.0), A_s4_1_3_over_m2_l1_l2.abs(), fma(t25, t36, fma(R::from_f64(10.0), (-t10).abs(), fma(t34, A_l1_4.abs(), R::from_f64(10.0) * t26)))));
-        let t40 = fma(t31, t37, fma(R::from_f64(10.0), t16.abs(), t39));
-        let t41 = A_l3_1.abs();
-        let t42 = fma(t36, fma(t21, (A_phi_dot_phi1_dot_over_m2_l1_l2 * t22).abs(), fma(t35, R::from_f64(8.0), t34 * t4.abs())), fma(R::from_f64(10.0), t11.abs(), fma(t34, t35, R::from_f64(10.0) * A_phi_dot_phi_dot_over_m2_l1_l2)));
-        let t43 = fma(t37, fma(t24, (t13 * t29).abs(), fma(R::from_f64(8.0), t14.abs(), t30 * t38)), fma(R::from_f64(10.0), (-t17).abs(), fma(t38, A_l3_2.abs(), fma(R::from_f64(2.0), A_s4_3_3_over_m2_l1_l2.abs(), t42))));
+        let t43 = fma(t42, t32, fma(R::from_f64(2.0), A_s4_1_3_over_m2_l1_l2.abs(), fma(t29, t40, fma(R::from_f64(10.0), (-t14).abs(), fma(t38, A_l1_4.abs(), R::from_f64(10.0) * t30)))));
+        let t44 = fma(t35, t41, fma(R::from_f64(10.0), t20.abs(), t43));
+        let t45 = A_l3_1.abs();
+        let t46 = fma(R::from_f64(2.0), A_s4_3_3_over_m2_l1_l2.abs(), fma(t40, fma(t25, (t8 * t26).abs(), fma(t39, R::from_f64(8.0), t38 * t4.abs())), fma(R::from_f64(10.0), t15.abs(), fma(t38, t39, t24))));
+        let t47 = fma(R::from_f64(2.0), A_s2_3_3_over_m2_l1_l2.abs(), fma(t41, fma(t28, (t17 * t33).abs(), fma(R::from_f64(8.0), t18.abs(), t34 * t42)), fma(R::from_f64(10.0), (-t21).abs(), fma(t42, A_l3_2.abs(), t46))));
         [
-            ::hamel_runtime::Pivot::new("inertia along theta2_dot", A_s4_2_2_over_m2_l1_l2, t24),
-            ::hamel_runtime::Pivot::new("inertia along theta1_dot", A_s2_1_1_over_m2_l1_l2, t33),
-            ::hamel_runtime::Pivot::new("inertia along phi_dot", A_s1_3_3_over_m2_l1_l2, fma(fma(t33, (A_s2_1_3_over_m2_l1_l2 * (t18 * t18)).abs(), fma(t41, R::from_f64(8.0), t40 * t18.abs())), A_s2_1_3_over_m2_l1_l2.abs(), fma(R::from_f64(10.0), t19.abs(), fma(t40, t41, fma(R::from_f64(2.0), A_s2_3_3_over_m2_l1_l2.abs(), t43))))),
-            ::hamel_runtime::Pivot::new("inertia along phi1_dot", A_phi1_dot_phi1_dot_over_m2_l1_l2, t21),
+            ::hamel_runtime::Pivot::new("inertia along theta2_dot", A_s4_2_2_over_m2_l1_l2, t28),
+            ::hamel_runtime::Pivot::new("inertia along theta1_dot", A_s2_1_1_over_m2_l1_l2, t37),
+            ::hamel_runtime::Pivot::new("inertia along phi_dot", A_s1_3_3_over_m2_l1_l2, fma(fma(t37, (A_s2_1_3_over_m2_l1_l2 * (t22 * t22)).abs(), fma(t45, R::from_f64(8.0), t44 * t22.abs())), A_s2_1_3_over_m2_l1_l2.abs(), fma(R::from_f64(10.0), t23.abs(), fma(t44, t45, t47)))),
+            ::hamel_runtime::Pivot::new("inertia along phi1_dot", A_phi1_dot_phi1_dot_over_m2_l1_l2, t25),
         ]
     }
 
@@ -364,14 +370,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// A number that stays the same along a motion while no matrix that is solved with becomes singular.
     ///
-    /// Operations: 2 additions, 8 multiplications (2 fused), 1 division, 1 sign change.
+    /// Operations: 2 additions, 7 multiplications (2 fused), 1 division, 1 sign change.
     #[inline]
     #[must_use]
     pub fn signature(&self, t: R, y: &[R; 9]) -> R {
         let [_, theta1_s, _, theta2_s, phi_c, _, _, _, _] = *y;
         let _ = t;
         // mass matrix A = W^T L_yy Psi
-        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(theta2_s * theta1_s, R::from_f64(2.0) * phi_c, fma(self.c1, theta1_s * theta1_s, self.c0 * theta2_s * theta2_s));
+        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(fma(theta2_s, self.c1 * phi_c, theta1_s), self.c2 * theta1_s, self.c0 * (theta2_s * theta2_s));
         R::from_f64(0.25) * A_phi1_dot_phi1_dot_over_m2_l1_l2 / A_phi1_dot_phi1_dot_over_m2_l1_l2.abs()
     }
 
@@ -395,7 +401,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[9] {
     c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, dL_dtheta1_c, c13, c14, c15, c16, c17, c18, c19,
-    c20, c21, c22, c23,
+    c20, c21,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

@@ -78,42 +78,41 @@ pub const INITIAL: [f64; 7] = [0.35, 0.45, 0.3, 0.2, -0.3, 0.4, 0.0];
 pub struct Prepared<R = f64> {
     p: R,
     c0: R, // l2 / l1
-    c1: R, // 2 * m2 * l1 * l2 / (m1 * (l1 * l1) + m2 * (l1 * l1))
-    c2: R, // (m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * l1 * l2)
+    c1: R, c2: R,
     c3: R, // p / (m2 * l1 * l2)
     c4: R, // l1 / l2
-    c5: R, // 2 * l1 / l2
-    c6: R, // -(g * (m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * (l1 * l1) * l2))
-    c7: R, // -(g / l1)
-    c8: R, // m1 / m2
-    c9: R,
-    c10: R, // (m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * (l2 * l2))
-    c11: R,
-    c12: R, // -(m1 * l1 * g + m2 * l1 * g)
-    c13: R, // -(m2 * l2 * g)
-    c14: R, // 0.5 * m1 * (l1 * l1)
-    c15: R, // 0.5 * m2 * (l2 * l2)
-    c16: R, // m2 * l1 * l2 / (m1 * (l1 * l1) + m2 * (l1 * l1))
-    c17: R, // 10 * l2 / l1
-    c18: R, // 10 * (m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * l1 * l2)
-    c19: R, // 1 / (m2 * (l1 * l1))
-    c20: R, // (m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * m2 * (l1 * l1) * (l2 * l2))
-    c21: R, // 2 / (m2 * l1 * l2)
-    c22: R, // m2 * l1 * l2
-    A_theta1_dot_theta1_dot: R, // m1 * (l1 * l1) + m2 * (l1 * l1)
+    c5: R, // -((m1 * l1 * g + m2 * l1 * g) / (m2 * l1 * l2))
+    c6: R, // -(g / l1)
+    c7: R, // -(m1 / m2)
+    c8: R, // 2 * m1 / m2
+    c9: R, // (m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * (l2 * l2))
+    c10: R,
+    c11: R, // -(m1 * l1 * g + m2 * l1 * g)
+    c12: R, // -(m2 * l2 * g)
+    c13: R, // 0.5 * m1 * (l1 * l1)
+    c14: R, // 0.5 * m2 * (l2 * l2)
+    c15: R,
+    c16: R, // 10 * l2 / l1
+    c17: R,
+    c18: R, // 1 / (m2 * (l1 * l1))
+    c19: R, // (m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * m2 * (l1 * l1) * (l2 * l2))
+    c20: R, // 2 / (m2 * l1 * l2)
+    c21: R, // m2 * l1 * l2
+    c22: R, // m1 * (l1 * l1) + m2 * (l1 * l1)
     c23: R, // m2 * (l2 * l2)
-    c24: R, // l2 / l1
-    c25: R, // (m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * l1 * l2)
-    c26: R, // l1 / l2
-    c27: R, // l2 / l1
-    c28: R, // m1 / m2
+    c24: R, // -((m1 * (l1 * l1) + m2 * (l1 * l1)) / (m2 * l1 * l2))
+    c25: R, // 2 * m2 * l1 * l2 / (m1 * (l1 * l1) + m2 * (l1 * l1))
+    c26: R, // l2 / l1
+    c27: R,
+    c28: R, // l1 / l2
+    c29: R, // l2 / l1
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 5 additions, 50 multiplications, 18 divisions, 4 sign changes.
+    /// Operations: 5 additions, 48 multiplications, 19 divisions, 6 sign changes.
     ///
     /// # Errors
     ///
@@ -122,45 +121,44 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         INFO.require_finite(&params.to_array())?;
         let Params { m1, m2, l1, l2, g, p } = *params;
         let t0 = l2 / l1;
-        let t1 = l1 * l1;
-        let t2 = m2 * t1;
-        let A_theta1_dot_theta1_dot = m1 * t1 + t2;
-        let t3 = m2 * l1;
-        let t4 = t3 * l2;
-        let t5 = A_theta1_dot_theta1_dot / t4;
-        let t6 = l1 / l2;
-        let t7 = m1 / m2;
-        let t8 = m2 * m2;
-        let t9 = t8 * m2;
-        let t10 = t1 * l1;
-        let t11 = l2 * l2;
-        let t12 = t11 * l2;
-        let t13 = t1 * t1;
-        let t14 = m1 * t8;
-        let t15 = m2 * t11;
+        let t1 = m2 * m2;
+        let t2 = t1 * m2;
+        let t3 = l1 * l1;
+        let t4 = t3 * l1;
+        let t5 = l2 * l2;
+        let t6 = t5 * l2;
+        let t7 = t3 * t3;
+        let t8 = m1 * t1;
+        let t9 = t2 * t7 * t5 + t8 * t7 * t5;
+        let t10 = t2 * t4 * t6;
+        let t11 = t9 / t10;
+        let t12 = m2 * l1;
+        let t13 = t12 * l2;
+        let t14 = l1 / l2;
+        let t15 = m1 * l1 * g + t12 * g;
+        let t16 = m2 * t3;
+        let t17 = m1 * t3 + t16;
+        let t18 = m2 * t5;
         ::hamel_runtime::ParamError::require(m1.all_gt(R::ZERO), "m1 > 0", "")?;
         ::hamel_runtime::ParamError::require(m2.all_gt(R::ZERO), "m2 > 0", "")?;
         ::hamel_runtime::ParamError::require(l1.all_gt(R::ZERO), "l1 > 0", "")?;
         ::hamel_runtime::ParamError::require(l2.all_gt(R::ZERO), "l2 > 0", "")?;
         Ok(Self {
             p, c0: t0,
-            c1: R::from_f64(2.0) * m2 * l1 * l2 / A_theta1_dot_theta1_dot,
-            c2: t5, c3: p / t4, c4: t6, c5: R::from_f64(2.0) * l1 / l2,
-            c6: -(g * A_theta1_dot_theta1_dot / (t2 * l2)),
-            c7: -(g / l1), c8: t7,
-            c9: R::from_f64(2.0) * t9 * t10 * t12 / (t9 * t13 * t11 + t14 * t13 * t11),
-            c10: A_theta1_dot_theta1_dot / t15,
-            c11: (t8 * t10 * l2 * p + m1 * m2 * t10 * l2 * p) / (t9 * t10 * t12 + t14 * t10 * t12),
-            c12: -(m1 * l1 * g + t3 * g), c13: -(m2 * l2 * g),
-            c14: R::from_f64(0.5) * m1 * t1,
-            c15: R::from_f64(0.5) * m2 * t11,
-            c16: t4 / A_theta1_dot_theta1_dot,
-            c17: R::from_f64(10.0) * l2 / l1,
-            c18: R::from_f64(10.0) * A_theta1_dot_theta1_dot / t4,
-            c19: t2.recip(),
-            c20: A_theta1_dot_theta1_dot / (t8 * t1 * t11),
-            c21: R::from_f64(2.0) / t4, c22: t4, A_theta1_dot_theta1_dot, c23: t15, c24: t0, c25: t5, c26: t6,
-            c27: t0, c28: t7,
+            c1: R::from_f64(2.0) * t2 * t4 * t6 / t9,
+            c2: t11, c3: p / t13, c4: t14, c5: -(t15 / t13), c6: -(g / l1), c7: -(m1 / m2),
+            c8: R::from_f64(2.0) * m1 / m2, c9: t17 / t18,
+            c10: (t1 * t4 * l2 * p + m1 * m2 * t4 * l2 * p) / (t10 + t8 * t4 * t6),
+            c11: -t15, c12: -(m2 * l2 * g),
+            c13: R::from_f64(0.5) * m1 * t3,
+            c14: R::from_f64(0.5) * m2 * t5,
+            c15: t10 / t9,
+            c16: R::from_f64(10.0) * l2 / l1,
+            c17: R::from_f64(10.0) * t9 / t10,
+            c18: t16.recip(), c19: t17 / (t1 * t3 * t5), c20: R::from_f64(2.0) / t13, c21: t13, c22: t17, c23: t18,
+            c24: -(t17 / t13),
+            c25: R::from_f64(2.0) * m2 * l1 * l2 / t17,
+            c26: t0, c27: t11, c28: t14, c29: t0,
         })
     }
 
@@ -172,7 +170,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain double_spherical_pendulum
     /// ```
     ///
-    /// Operations: 46 additions, 84 multiplications (45 fused), 4 divisions, 3 elementary functions.
+    /// Operations: 48 additions, 85 multiplications (46 fused), 4 divisions, 3 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [theta1, theta2, phi, theta1_dot, theta2_dot, phi_dot, _] = *y;
@@ -180,61 +178,64 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = theta1.sin_cos_of_two(theta2);
         let (t4, t5) = phi.sin_cos();
-        let t6 = t3 * t5;
-        let A_theta1_dot_theta2_dot_over_m2_l1_l2 = fma(t1, t6, t0 * t2);
-        let t7 = t2 * t4;
-        let t8 = t1 * t7;
-        let t9 = self.c0 * t2;
-        let A_phi_dot_phi_dot_over_m2_l1_l2 = t2 * t9;
-        let t10 = t5 * t2;
-        let A_phi_dot_phi1_dot_over_m2_l1_l2 = fma(t0, t10, A_phi_dot_phi_dot_over_m2_l1_l2);
-        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(fma(t10, self.c1, t0), self.c2 * t0, A_phi_dot_phi_dot_over_m2_l1_l2);
+        let t6 = t2 * t4;
+        let t7 = t1 * t6;
+        let t8 = self.c0 * (t2 * t2);
+        let t9 = t5 * t2;
+        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(fma(t9, self.c1, t0), self.c2 * t0, t8);
         // factors of A
-        let t11 = t3 * t4;
-        let t12 = t0 * t11;
-        let t13 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
-        let A_l2_4 = t12 * t13;
-        let t14 = t8 * t13;
-        let A_l3_4 = A_phi_dot_phi1_dot_over_m2_l1_l2 * t13;
-        let A_s4_2_2_over_m2_l1_l2 = fma(-t12, A_l2_4, self.c24);
-        let A_s4_2_1_over_m2_l1_l2 = fma(t8, A_l2_4, A_theta1_dot_theta2_dot_over_m2_l1_l2);
-        let A_s4_1_1_over_m2_l1_l2 = fma(-t8, t14, self.c25);
-        let A_s4_1_3_over_m2_l1_l2 = fma(A_phi_dot_phi1_dot_over_m2_l1_l2, t14, -t8);
-        let A_s4_3_3_over_m2_l1_l2 = fma(-A_phi_dot_phi1_dot_over_m2_l1_l2, A_l3_4, A_phi_dot_phi_dot_over_m2_l1_l2);
-        let t15 = A_s4_2_2_over_m2_l1_l2.recip();
-        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t15;
-        let t16 = A_phi_dot_phi1_dot_over_m2_l1_l2 * A_l2_4;
-        let t17 = t16 * t15;
+        let t10 = t3 * t4;
+        let t11 = t0 * t10;
+        let t12 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
+        let A_l2_4 = t11 * t12;
+        let t13 = t7 * t12;
+        let t14 = fma(t0, t9, t8);
+        let A_l3_4 = t14 * t12;
+        let A_s4_2_2_over_m2_l1_l2 = fma(-t11, A_l2_4, self.c26);
+        let t15 = t3 * t5;
+        let A_s4_2_1_over_m2_l1_l2 = fma(t7, A_l2_4, fma(t1, t15, t0 * t2));
+        let A_s4_1_1_over_m2_l1_l2 = fma(-t7, t13, self.c27);
+        let A_s4_1_3_over_m2_l1_l2 = fma(t13, t14, -t7);
+        let A_s4_3_3_over_m2_l1_l2 = fma(-t14, A_l3_4, t8);
+        let t16 = A_s4_2_2_over_m2_l1_l2.recip();
+        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t16;
+        let t17 = A_l2_4 * t14;
+        let t18 = t17 * t16;
         let A_s2_1_1_over_m2_l1_l2 = fma(-A_s4_2_1_over_m2_l1_l2, A_l1_2, A_s4_1_1_over_m2_l1_l2);
-        let A_s2_1_3_over_m2_l1_l2 = fma(A_l1_2, t16, A_s4_1_3_over_m2_l1_l2);
-        let A_s2_3_3_over_m2_l1_l2 = fma(-t16, t17, A_s4_3_3_over_m2_l1_l2);
-        let t18 = A_s2_1_1_over_m2_l1_l2.recip();
-        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t18;
+        let A_s2_1_3_over_m2_l1_l2 = fma(A_l1_2, t17, A_s4_1_3_over_m2_l1_l2);
+        let A_s2_3_3_over_m2_l1_l2 = fma(-t17, t18, A_s4_3_3_over_m2_l1_l2);
+        let t19 = A_s2_1_1_over_m2_l1_l2.recip();
+        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t19;
         let A_s1_3_3_over_m2_l1_l2 = fma(-A_s2_1_3_over_m2_l1_l2, A_l3_1, A_s2_3_3_over_m2_l1_l2);
         // velocities of the momenta pi = W^T dL/dy
-        let q_phi1_dot_over_m2_l1_l2 = fma(-phi_dot, A_phi_dot_phi1_dot_over_m2_l1_l2, fma(theta1_dot, t8, fma(-theta2_dot, t12, self.c3)));
-        let phi1_dot = q_phi1_dot_over_m2_l1_l2 * t13;
-        // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let t19 = fma(phi1_dot, phi1_dot, theta1_dot * theta1_dot) * (self.c4 * t0);
-        let t20 = theta1_dot * t1;
-        let a1_2_over_l2 = phi1_dot * (self.c5 * t20);
-        let a1_3_over_l2 = t20 * (self.c26 * theta1_dot);
+        let q_phi1_dot_over_m2_l1_l2 = fma(-phi_dot, t14, fma(theta1_dot, t7, fma(-theta2_dot, t11, self.c3)));
+        let phi1_dot = q_phi1_dot_over_m2_l1_l2 * t12;
+        // velocities v in squares m/2 |v|^2
+        let t20 = self.c4 * theta1_dot;
+        let v1_1_over_l2 = t1 * t20;
         let t21 = phi_dot + phi1_dot;
-        let a2_1_over_l2 = fma(-t21, fma(t10, t21, theta2_dot * t11), fma(-theta2_dot, fma(t11, t21, theta2_dot * t10), -t19));
-        let a2_2_over_l2 = fma(-theta2_dot, fma(-t6, t21, theta2_dot * t7), fma(t21, fma(-t7, t21, theta2_dot * t6), a1_2_over_l2));
+        let t22 = fma(-t6, t21, theta2_dot * t15);
+        let v2_1_over_l2 = v1_1_over_l2 + t22;
+        // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
+        let t23 = t0 * fma(self.c28, phi1_dot * phi1_dot, theta1_dot * t20);
+        let a1_3_over_l2 = theta1_dot * v1_1_over_l2;
+        let a2_1_over_l2 = fma(-t21, fma(t9, t21, theta2_dot * t10), fma(-theta2_dot, fma(t10, t21, theta2_dot * t9), -t23));
+        let t24 = phi1_dot * v1_1_over_l2;
+        let a2_2_over_l2 = fma(phi1_dot, v2_1_over_l2, fma(-theta2_dot, fma(-t15, t21, theta2_dot * t6), fma(phi_dot, t22, t24)));
         let a2_3_over_l2 = fma(t3, theta2_dot * theta2_dot, a1_3_over_l2);
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let r_theta1_dot_over_m2_l1_l2 = fma(-t1, a2_1_over_l2, fma(-self.c8, fma(-t1, t19, t0 * a1_3_over_l2), fma(-t0, a2_3_over_l2, self.c6 * t0)));
-        let r_theta2_dot_over_m2_l1_l2 = fma(-self.c27, fma(t11, a2_2_over_l2, t6 * a2_1_over_l2), fma(-t9, a2_3_over_l2, self.c7 * t2));
-        let t22 = t9 * fma(-t4, a2_1_over_l2, t5 * a2_2_over_l2);
-        let r_phi1_dot_over_m2_l1_l2 = fma(-t0, fma(a1_2_over_l2, self.c28, a2_2_over_l2), -t22);
+        let r_theta1_dot_over_m2_l1_l2 = fma(-t1, a2_1_over_l2, fma(self.c7, fma(-t1, t23, t0 * a1_3_over_l2), fma(-t0, a2_3_over_l2, self.c5 * t0)));
+        let t25 = self.c29 * t2;
+        let r_theta2_dot_over_m2_l1_l2 = fma(-self.c0, fma(t10, a2_2_over_l2, t15 * a2_1_over_l2), fma(-a2_3_over_l2, t25, self.c6 * t2));
+        let t26 = t25 * fma(-t4, a2_1_over_l2, t5 * a2_2_over_l2);
+        let r_phi1_dot_over_m2_l1_l2 = fma(-t0, fma(t24, self.c8, a2_2_over_l2), -t26);
         // substitution through the factors of A
         let z_theta2_dot_over_m2_l1_l2 = fma(-A_l2_4, r_phi1_dot_over_m2_l1_l2, r_theta2_dot_over_m2_l1_l2);
-        let z_theta1_dot_over_m2_l1_l2 = fma(-A_l1_2, z_theta2_dot_over_m2_l1_l2, fma(t14, r_phi1_dot_over_m2_l1_l2, r_theta1_dot_over_m2_l1_l2));
-        let z_phi_dot_over_m2_l1_l2 = fma(-A_l3_1, z_theta1_dot_over_m2_l1_l2, fma(t17, z_theta2_dot_over_m2_l1_l2, fma(-A_l3_4, r_phi1_dot_over_m2_l1_l2, -t22)));
+        let z_theta1_dot_over_m2_l1_l2 = fma(-A_l1_2, z_theta2_dot_over_m2_l1_l2, fma(t13, r_phi1_dot_over_m2_l1_l2, r_theta1_dot_over_m2_l1_l2));
+        let z_phi_dot_over_m2_l1_l2 = fma(-A_l3_1, z_theta1_dot_over_m2_l1_l2, fma(t18, z_theta2_dot_over_m2_l1_l2, fma(-A_l3_4, r_phi1_dot_over_m2_l1_l2, -t26)));
         let dot_phi_dot = z_phi_dot_over_m2_l1_l2 / A_s1_3_3_over_m2_l1_l2;
-        let dot_theta1_dot = fma(-A_l3_1, dot_phi_dot, z_theta1_dot_over_m2_l1_l2 * t18);
-        let dot_theta2_dot = fma(-A_l1_2, dot_theta1_dot, fma(t17, dot_phi_dot, z_theta2_dot_over_m2_l1_l2 * t15));
+        let dot_theta1_dot = fma(-A_l3_1, dot_phi_dot, z_theta1_dot_over_m2_l1_l2 * t19);
+        let dot_theta2_dot = fma(-A_l1_2, dot_theta1_dot, fma(t18, dot_phi_dot, z_theta2_dot_over_m2_l1_l2 * t16));
         *dy = [theta1_dot, theta2_dot, phi_dot, dot_theta1_dot, dot_theta2_dot, dot_phi_dot, phi1_dot];
     }
 
@@ -247,7 +248,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      cos_theta2, sin_theta2, cos_phi, sin_phi]
     /// ```
     ///
-    /// Operations: 46 additions, 90 multiplications (45 fused), 4 divisions, 3 sign changes.
+    /// Operations: 48 additions, 91 multiplications (46 fused), 4 divisions, 3 sign changes.
     #[inline]
     pub fn rhs_on_circles(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         let [
@@ -256,61 +257,64 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ] = *y;
         let _ = t;
         // mass matrix A = W^T L_yy Psi
-        let t0 = cos_theta2 * cos_phi;
-        let A_theta1_dot_theta2_dot_over_m2_l1_l2 = fma(cos_theta1, t0, sin_theta1 * sin_theta2);
-        let t1 = sin_theta2 * sin_phi;
-        let t2 = cos_theta1 * t1;
-        let t3 = self.c0 * sin_theta2;
-        let A_phi_dot_phi_dot_over_m2_l1_l2 = sin_theta2 * t3;
-        let t4 = cos_phi * sin_theta2;
-        let A_phi_dot_phi1_dot_over_m2_l1_l2 = fma(sin_theta1, t4, A_phi_dot_phi_dot_over_m2_l1_l2);
-        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(fma(t4, self.c1, sin_theta1), self.c2 * sin_theta1, A_phi_dot_phi_dot_over_m2_l1_l2);
+        let t0 = sin_theta2 * sin_phi;
+        let t1 = cos_theta1 * t0;
+        let t2 = self.c0 * (sin_theta2 * sin_theta2);
+        let t3 = cos_phi * sin_theta2;
+        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(fma(t3, self.c1, sin_theta1), self.c2 * sin_theta1, t2);
         // factors of A
-        let t5 = cos_theta2 * sin_phi;
-        let t6 = sin_theta1 * t5;
-        let t7 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
-        let A_l2_4 = t6 * t7;
-        let t8 = t2 * t7;
-        let A_l3_4 = A_phi_dot_phi1_dot_over_m2_l1_l2 * t7;
-        let A_s4_2_2_over_m2_l1_l2 = fma(-t6, A_l2_4, self.c24);
-        let A_s4_2_1_over_m2_l1_l2 = fma(t2, A_l2_4, A_theta1_dot_theta2_dot_over_m2_l1_l2);
-        let A_s4_1_1_over_m2_l1_l2 = fma(-t2, t8, self.c25);
-        let A_s4_1_3_over_m2_l1_l2 = fma(A_phi_dot_phi1_dot_over_m2_l1_l2, t8, -t2);
-        let A_s4_3_3_over_m2_l1_l2 = fma(-A_phi_dot_phi1_dot_over_m2_l1_l2, A_l3_4, A_phi_dot_phi_dot_over_m2_l1_l2);
-        let t9 = A_s4_2_2_over_m2_l1_l2.recip();
-        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t9;
-        let t10 = A_phi_dot_phi1_dot_over_m2_l1_l2 * A_l2_4;
-        let t11 = t10 * t9;
+        let t4 = cos_theta2 * sin_phi;
+        let t5 = sin_theta1 * t4;
+        let t6 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
+        let A_l2_4 = t5 * t6;
+        let t7 = t1 * t6;
+        let t8 = fma(sin_theta1, t3, t2);
+        let A_l3_4 = t8 * t6;
+        let A_s4_2_2_over_m2_l1_l2 = fma(-t5, A_l2_4, self.c26);
+        let t9 = cos_theta2 * cos_phi;
+        let A_s4_2_1_over_m2_l1_l2 = fma(t1, A_l2_4, fma(cos_theta1, t9, sin_theta1 * sin_theta2));
+        let A_s4_1_1_over_m2_l1_l2 = fma(-t1, t7, self.c27);
+        let A_s4_1_3_over_m2_l1_l2 = fma(t7, t8, -t1);
+        let A_s4_3_3_over_m2_l1_l2 = fma(-t8, A_l3_4, t2);
+        let t10 = A_s4_2_2_over_m2_l1_l2.recip();
+        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t10;
+        let t11 = A_l2_4 * t8;
+        let t12 = t11 * t10;
         let A_s2_1_1_over_m2_l1_l2 = fma(-A_s4_2_1_over_m2_l1_l2, A_l1_2, A_s4_1_1_over_m2_l1_l2);
-        let A_s2_1_3_over_m2_l1_l2 = fma(A_l1_2, t10, A_s4_1_3_over_m2_l1_l2);
-        let A_s2_3_3_over_m2_l1_l2 = fma(-t10, t11, A_s4_3_3_over_m2_l1_l2);
-        let t12 = A_s2_1_1_over_m2_l1_l2.recip();
-        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t12;
+        let A_s2_1_3_over_m2_l1_l2 = fma(A_l1_2, t11, A_s4_1_3_over_m2_l1_l2);
+        let A_s2_3_3_over_m2_l1_l2 = fma(-t11, t12, A_s4_3_3_over_m2_l1_l2);
+        let t13 = A_s2_1_1_over_m2_l1_l2.recip();
+        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t13;
         let A_s1_3_3_over_m2_l1_l2 = fma(-A_s2_1_3_over_m2_l1_l2, A_l3_1, A_s2_3_3_over_m2_l1_l2);
         // velocities of the momenta pi = W^T dL/dy
-        let q_phi1_dot_over_m2_l1_l2 = fma(-phi_dot, A_phi_dot_phi1_dot_over_m2_l1_l2, fma(theta1_dot, t2, fma(-theta2_dot, t6, self.c3)));
-        let phi1_dot = q_phi1_dot_over_m2_l1_l2 * t7;
-        // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let t13 = fma(phi1_dot, phi1_dot, theta1_dot * theta1_dot) * (self.c4 * sin_theta1);
-        let t14 = theta1_dot * cos_theta1;
-        let a1_2_over_l2 = phi1_dot * (self.c5 * t14);
-        let a1_3_over_l2 = t14 * (self.c26 * theta1_dot);
+        let q_phi1_dot_over_m2_l1_l2 = fma(-phi_dot, t8, fma(theta1_dot, t1, fma(-theta2_dot, t5, self.c3)));
+        let phi1_dot = q_phi1_dot_over_m2_l1_l2 * t6;
+        // velocities v in squares m/2 |v|^2
+        let t14 = self.c4 * theta1_dot;
+        let v1_1_over_l2 = cos_theta1 * t14;
         let t15 = phi_dot + phi1_dot;
-        let a2_1_over_l2 = fma(-t15, fma(t4, t15, theta2_dot * t5), fma(-theta2_dot, fma(t5, t15, theta2_dot * t4), -t13));
-        let a2_2_over_l2 = fma(-theta2_dot, fma(-t0, t15, theta2_dot * t1), fma(t15, fma(-t1, t15, theta2_dot * t0), a1_2_over_l2));
+        let t16 = fma(-t0, t15, theta2_dot * t9);
+        let v2_1_over_l2 = v1_1_over_l2 + t16;
+        // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
+        let t17 = sin_theta1 * fma(self.c28, phi1_dot * phi1_dot, theta1_dot * t14);
+        let a1_3_over_l2 = theta1_dot * v1_1_over_l2;
+        let a2_1_over_l2 = fma(-t15, fma(t3, t15, theta2_dot * t4), fma(-theta2_dot, fma(t4, t15, theta2_dot * t3), -t17));
+        let t18 = phi1_dot * v1_1_over_l2;
+        let a2_2_over_l2 = fma(phi1_dot, v2_1_over_l2, fma(-theta2_dot, fma(-t9, t15, theta2_dot * t0), fma(phi_dot, t16, t18)));
         let a2_3_over_l2 = fma(cos_theta2, theta2_dot * theta2_dot, a1_3_over_l2);
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let r_theta1_dot_over_m2_l1_l2 = fma(-cos_theta1, a2_1_over_l2, fma(-self.c8, fma(-cos_theta1, t13, sin_theta1 * a1_3_over_l2), fma(-sin_theta1, a2_3_over_l2, self.c6 * sin_theta1)));
-        let r_theta2_dot_over_m2_l1_l2 = fma(-self.c27, fma(t5, a2_2_over_l2, t0 * a2_1_over_l2), fma(-t3, a2_3_over_l2, self.c7 * sin_theta2));
-        let t16 = t3 * fma(-sin_phi, a2_1_over_l2, cos_phi * a2_2_over_l2);
-        let r_phi1_dot_over_m2_l1_l2 = fma(-sin_theta1, fma(a1_2_over_l2, self.c28, a2_2_over_l2), -t16);
+        let r_theta1_dot_over_m2_l1_l2 = fma(-cos_theta1, a2_1_over_l2, fma(self.c7, fma(-cos_theta1, t17, sin_theta1 * a1_3_over_l2), fma(-sin_theta1, a2_3_over_l2, self.c5 * sin_theta1)));
+        let t19 = self.c29 * sin_theta2;
+        let r_theta2_dot_over_m2_l1_l2 = fma(-self.c0, fma(t4, a2_2_over_l2, t9 * a2_1_over_l2), fma(-a2_3_over_l2, t19, self.c6 * sin_theta2));
+        let t20 = t19 * fma(-sin_phi, a2_1_over_l2, cos_phi * a2_2_over_l2);
+        let r_phi1_dot_over_m2_l1_l2 = fma(-sin_theta1, fma(t18, self.c8, a2_2_over_l2), -t20);
         // substitution through the factors of A
         let z_theta2_dot_over_m2_l1_l2 = fma(-A_l2_4, r_phi1_dot_over_m2_l1_l2, r_theta2_dot_over_m2_l1_l2);
-        let z_theta1_dot_over_m2_l1_l2 = fma(-A_l1_2, z_theta2_dot_over_m2_l1_l2, fma(t8, r_phi1_dot_over_m2_l1_l2, r_theta1_dot_over_m2_l1_l2));
-        let z_phi_dot_over_m2_l1_l2 = fma(-A_l3_1, z_theta1_dot_over_m2_l1_l2, fma(t11, z_theta2_dot_over_m2_l1_l2, fma(-A_l3_4, r_phi1_dot_over_m2_l1_l2, -t16)));
+        let z_theta1_dot_over_m2_l1_l2 = fma(-A_l1_2, z_theta2_dot_over_m2_l1_l2, fma(t7, r_phi1_dot_over_m2_l1_l2, r_theta1_dot_over_m2_l1_l2));
+        let z_phi_dot_over_m2_l1_l2 = fma(-A_l3_1, z_theta1_dot_over_m2_l1_l2, fma(t12, z_theta2_dot_over_m2_l1_l2, fma(-A_l3_4, r_phi1_dot_over_m2_l1_l2, -t20)));
         let dot_phi_dot = z_phi_dot_over_m2_l1_l2 / A_s1_3_3_over_m2_l1_l2;
-        let dot_theta1_dot = fma(-A_l3_1, dot_phi_dot, z_theta1_dot_over_m2_l1_l2 * t12);
-        let dot_theta2_dot = fma(-A_l1_2, dot_theta1_dot, fma(t11, dot_phi_dot, z_theta2_dot_over_m2_l1_l2 * t9));
+        let dot_theta1_dot = fma(-A_l3_1, dot_phi_dot, z_theta1_dot_over_m2_l1_l2 * t13);
+        let dot_theta2_dot = fma(-A_l1_2, dot_theta1_dot, fma(t12, dot_phi_dot, z_theta2_dot_over_m2_l1_l2 * t10));
         let dot_cos_theta1 = -(sin_theta1 * theta1_dot);
         let dot_sin_theta1 = cos_theta1 * theta1_dot;
         let dot_cos_theta2 = -(sin_theta2 * theta2_dot);
@@ -354,20 +358,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t4 = t0 * t0;
         let (t5, t6) = phi.sin_cos();
         let t7 = t6 * t0;
-        let A_phi1_dot_phi1_dot_over_m2_l22 = fma(fma(t7, self.c9, t2), self.c10 * t2, t4);
+        let A_phi1_dot_phi1_dot_over_m2_l22 = fma(fma(t7, self.c1, t2), self.c9 * t2, t4);
         // velocities of the momenta pi = W^T dL/dy
         let t8 = t0 * t5;
         let t9 = theta1_dot * t3;
         let t10 = theta2_dot * t1;
         let t11 = t5 * t10;
-        let q_phi1_dot_over_m2_l22 = fma(self.c4, fma(-t2, fma(phi_dot, t7, t11), t8 * t9), fma(-phi_dot, t4, self.c11));
+        let q_phi1_dot_over_m2_l22 = fma(self.c4, fma(-t2, fma(phi_dot, t7, t11), t8 * t9), fma(-phi_dot, t4, self.c10));
         let phi1_dot = q_phi1_dot_over_m2_l22 / A_phi1_dot_phi1_dot_over_m2_l22;
         let t12 = fma(t2, self.c4 * theta1_dot, theta2_dot * t0);
         let t13 = phi_dot + phi1_dot;
         let t14 = fma(-t8, t13, fma(t9, self.c4, t6 * t10));
         let t15 = t2 * phi1_dot;
         let t16 = fma(t15, self.c4, fma(t7, t13, t11));
-        fma(self.c15, fma(t16, t16, fma(t14, t14, t12 * t12)), fma(self.c14, fma(t15, t15, theta1_dot * theta1_dot), fma(t1, self.c13, self.c12 * t3)))
+        fma(self.c14, fma(t16, t16, fma(t14, t14, t12 * t12)), fma(self.c13, fma(t15, t15, theta1_dot * theta1_dot), fma(t1, self.c12, self.c11 * t3)))
     }
 
     /// Momenta p = dL/dy.
@@ -385,8 +389,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let (t4, t5) = phi.sin_cos();
         let t6 = t2 * t0;
         let t7 = t5 * t6;
-        let A_phi1_dot_phi1_dot_over_m22_l12_l22 = fma(t7, self.c21, fma(self.c20, t2 * t2, self.c19 * (t0 * t0)));
-        let t8 = self.c22 * fma(t3, t5 * t1, t6);
+        let A_phi1_dot_phi1_dot_over_m22_l12_l22 = fma(t7, self.c20, fma(self.c19, t2 * t2, self.c18 * (t0 * t0)));
+        let t8 = self.c21 * fma(t3, t5 * t1, t6);
         let t9 = t3 * t4;
         let t10 = t0 * t9;
         let t11 = self.c0 * t0;
@@ -398,9 +402,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t17 = A_phi1_dot_phi1_dot_over_m22_l12_l22.recip();
         let t18 = t2 * t17;
         [
-            fma(-t17, t10 * t16, fma(-t10, self.c22 * phi_dot, fma(theta2_dot, t8, self.A_theta1_dot_theta1_dot * theta1_dot))),
+            fma(-t17, t10 * t16, fma(-t10, self.c21 * phi_dot, fma(theta2_dot, t8, self.c22 * theta1_dot))),
             fma(t18, t13 * t16, fma(theta1_dot, t8, self.c23 * theta2_dot)),
-            fma(-t18, self.c2 * t6 * t12, -(fma(t7, fma(theta1_dot, t10, t15), t0 * t11 * t14) * t17)),
+            fma(t18, self.c24 * t6 * t12, -(fma(t7, fma(theta1_dot, t10, t15), t0 * t11 * t14) * t17)),
             self.p,
         ]
     }
@@ -420,7 +424,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t4 = self.c0 * t0;
         let (t5, t6) = phi.sin_cos();
         let t7 = t6 * t0;
-        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(fma(t7, self.c1, t2), self.c2 * t2, t0 * t4);
+        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(-fma(t7, self.c25, t2), self.c24 * t2, t0 * t4);
         [
             fma(t0, fma(-phi_dot, t4, theta1_dot * t5 * t3), -fma(t2, fma(phi_dot, t7, theta2_dot * t1 * t5), -self.c3)) / A_phi1_dot_phi1_dot_over_m2_l1_l2,
         ]
@@ -436,78 +440,78 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = theta1.sin_cos_of_two(theta2);
         let (t4, t5) = phi.sin_cos();
-        let t6 = t5 * t3 * t1;
-        let A_theta1_dot_theta2_dot_over_m2_l1_l2 = fma(t0, t2, t6);
-        let t7 = t4 * t2 * t1;
-        let A_phi_dot_phi_dot_over_m2_l1_l2 = self.c0 * t2 * t2;
+        let t6 = t4 * t2 * t1;
+        let t7 = self.c0 * (t2 * t2);
         let t8 = t5 * t2;
-        let t9 = t0 * t8;
-        let A_phi_dot_phi1_dot_over_m2_l1_l2 = A_phi_dot_phi_dot_over_m2_l1_l2 + t9;
-        let t10 = fma(t8, self.c1, t0) * (self.c2 * t0);
-        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = A_phi_dot_phi_dot_over_m2_l1_l2 + t10;
+        let t9 = fma(t8, self.c1, t0) * (self.c2 * t0);
+        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = t7 + t9;
         // factors of A
-        let t11 = t4 * t3 * t0;
-        let t12 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
-        let A_l2_4 = t11 * t12;
-        let t13 = t7 * t12;
-        let A_l3_4 = A_phi_dot_phi1_dot_over_m2_l1_l2 * t12;
-        let t14 = t11 * A_l2_4;
-        let A_s4_2_2_over_m2_l1_l2 = self.c0 - t14;
-        let t15 = t7 * A_l2_4;
-        let A_s4_2_1_over_m2_l1_l2 = A_theta1_dot_theta2_dot_over_m2_l1_l2 + t15;
-        let t16 = t7 * t13;
-        let A_s4_1_1_over_m2_l1_l2 = self.c2 - t16;
-        let t17 = A_phi_dot_phi1_dot_over_m2_l1_l2 * t13;
-        let A_s4_1_3_over_m2_l1_l2 = t17 - t7;
-        let t18 = A_phi_dot_phi1_dot_over_m2_l1_l2 * A_l3_4;
-        let A_s4_3_3_over_m2_l1_l2 = A_phi_dot_phi_dot_over_m2_l1_l2 - t18;
-        let t19 = A_s4_2_2_over_m2_l1_l2.recip();
-        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t19;
-        let t20 = A_phi_dot_phi1_dot_over_m2_l1_l2 * A_l2_4;
-        let t21 = t20 * t19;
-        let t22 = A_s4_2_1_over_m2_l1_l2 * A_l1_2;
-        let A_s2_1_1_over_m2_l1_l2 = A_s4_1_1_over_m2_l1_l2 - t22;
-        let t23 = A_l1_2 * t20;
-        let A_s2_1_3_over_m2_l1_l2 = A_s4_1_3_over_m2_l1_l2 + t23;
-        let t24 = t20 * t21;
-        let A_s2_3_3_over_m2_l1_l2 = A_s4_3_3_over_m2_l1_l2 - t24;
-        let t25 = A_s2_1_1_over_m2_l1_l2.recip();
-        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t25;
-        let t26 = A_s2_1_3_over_m2_l1_l2 * A_l3_1;
-        let A_s1_3_3_over_m2_l1_l2 = A_s2_3_3_over_m2_l1_l2 - t26;
-        let t27 = R::from_f64(10.0) * A_phi_dot_phi_dot_over_m2_l1_l2;
-        let t28 = fma(R::from_f64(10.0), t10.abs(), fma(fma(R::from_f64(20.0), (self.c16 * t8).abs(), R::from_f64(10.0) * t0), self.c2 * t0, t27));
-        let t29 = t12 * t12;
-        let t30 = fma(t28, (-(t11 * t29)).abs(), R::from_f64(8.0) * (-A_l2_4).abs());
-        let t31 = fma(t30, (-t11).abs(), fma(R::from_f64(10.0), (-t14).abs(), self.c17));
-        let A_l1_4 = -t13;
-        let t32 = A_l1_4.abs();
-        let t33 = fma(t28, (-(t7 * t29)).abs(), R::from_f64(8.0) * t32);
-        let A_theta1_dot_phi_dot_over_m2_l1_l2 = -t7;
-        let t34 = A_theta1_dot_phi_dot_over_m2_l1_l2.abs();
-        let t35 = fma(t30, t34, fma(R::from_f64(10.0), (-t15).abs(), fma(R::from_f64(2.0), A_theta1_dot_theta2_dot_over_m2_l1_l2.abs(), R::from_f64(10.0) * fma(t0, t2, t6.abs()))));
-        let t36 = A_l1_2.abs();
-        let t37 = t19 * t19;
-        let t38 = t19.abs();
-        let t39 = fma(t31, (A_s4_2_1_over_m2_l1_l2 * t37).abs(), fma(t36, R::from_f64(8.0), t35 * t38));
-        let t40 = fma(R::from_f64(10.0), t22.abs(), fma(t35, t36, fma(t33, t34, fma(R::from_f64(2.0), A_s4_1_1_over_m2_l1_l2.abs(), fma(R::from_f64(10.0), t16.abs(), self.c18)))));
-        let t41 = fma(t39, A_s4_2_1_over_m2_l1_l2.abs(), t40);
-        let t42 = R::from_f64(10.0) * (A_phi_dot_phi_dot_over_m2_l1_l2 + t9.abs());
-        let t43 = A_l3_4.abs();
-        let t44 = A_phi_dot_phi1_dot_over_m2_l1_l2.abs();
-        let t45 = t20.abs();
-        let t46 = fma(t30, t44, fma(t45, R::from_f64(8.0), t42 * A_l2_4.abs()));
-        let A_l3_2 = -t21;
-        let t47 = fma(R::from_f64(10.0), t23.abs(), fma(t46, t36, fma(t33, t44, fma(R::from_f64(2.0), A_s4_1_3_over_m2_l1_l2.abs(), fma(R::from_f64(10.0), (-t17).abs(), fma(t42, t32, R::from_f64(10.0) * t34))))));
-        let t48 = fma(t39, t45, t47);
-        let t49 = A_l3_1.abs();
-        let t50 = fma(t44, fma(t28, (A_phi_dot_phi1_dot_over_m2_l1_l2 * t29).abs(), fma(t43, R::from_f64(8.0), t42 * t12.abs())), fma(R::from_f64(10.0), t18.abs(), fma(t42, t43, t27)));
-        let t51 = fma(t45, fma(t31, (t20 * t37).abs(), fma(R::from_f64(8.0), t21.abs(), t38 * t46)), fma(R::from_f64(10.0), (-t24).abs(), fma(t46, A_l3_2.abs(), fma(R::from_f64(2.0), A_s4_3_3_over_m2_l1_l2.abs(), t50))));
+        let t10 = t4 * t3 * t0;
+        let t11 = A_phi1_dot_phi1_dot_over_m2_l1_l2.recip();
+        let A_l2_4 = t10 * t11;
+        let t12 = t6 * t11;
+        let t13 = t0 * t8;
+        let t14 = t7 + t13;
+        let A_l3_4 = t14 * t11;
+        let t15 = t10 * A_l2_4;
+        let A_s4_2_2_over_m2_l1_l2 = self.c0 - t15;
+        let t16 = t5 * t3 * t1;
+        let t17 = fma(t0, t2, t16);
+        let t18 = t6 * A_l2_4;
+        let A_s4_2_1_over_m2_l1_l2 = t17 + t18;
+        let t19 = t6 * t12;
+        let A_s4_1_1_over_m2_l1_l2 = self.c2 - t19;
+        let t20 = t12 * t14;
+        let A_s4_1_3_over_m2_l1_l2 = t20 - t6;
+        let t21 = t14 * A_l3_4;
+        let A_s4_3_3_over_m2_l1_l2 = t7 - t21;
+        let t22 = A_s4_2_2_over_m2_l1_l2.recip();
+        let A_l1_2 = A_s4_2_1_over_m2_l1_l2 * t22;
+        let t23 = A_l2_4 * t14;
+        let t24 = t23 * t22;
+        let t25 = A_s4_2_1_over_m2_l1_l2 * A_l1_2;
+        let A_s2_1_1_over_m2_l1_l2 = A_s4_1_1_over_m2_l1_l2 - t25;
+        let t26 = A_l1_2 * t23;
+        let A_s2_1_3_over_m2_l1_l2 = A_s4_1_3_over_m2_l1_l2 + t26;
+        let t27 = t23 * t24;
+        let A_s2_3_3_over_m2_l1_l2 = A_s4_3_3_over_m2_l1_l2 - t27;
+        let t28 = A_s2_1_1_over_m2_l1_l2.recip();
+        let A_l3_1 = A_s2_1_3_over_m2_l1_l2 * t28;
+        let t29 = A_s2_1_3_over_m2_l1_l2 * A_l3_1;
+        let A_s1_3_3_over_m2_l1_l2 = A_s2_3_3_over_m2_l1_l2 - t29;
+        let t30 = R::from_f64(10.0) * t7;
+        let t31 = fma(R::from_f64(10.0), t9.abs(), fma(fma(R::from_f64(20.0), (self.c15 * t8).abs(), R::from_f64(10.0) * t0), self.c2 * t0, t30));
+        let t32 = t11 * t11;
+        let t33 = fma(t31, (-(t10 * t32)).abs(), R::from_f64(8.0) * (-A_l2_4).abs());
+        let t34 = fma(t33, (-t10).abs(), fma(R::from_f64(10.0), (-t15).abs(), self.c16));
+        let A_l1_4 = -t12;
+        let t35 = A_l1_4.abs();
+        let t36 = fma(t31, (-(t6 * t32)).abs(), R::from_f64(8.0) * t35);
+        let A_theta1_dot_phi_dot_over_m2_l1_l2 = -t6;
+        let t37 = A_theta1_dot_phi_dot_over_m2_l1_l2.abs();
+        let t38 = fma(t33, t37, fma(R::from_f64(10.0), (-t18).abs(), fma(R::from_f64(2.0), t17.abs(), R::from_f64(10.0) * fma(t0, t2, t16.abs()))));
+        let t39 = A_l1_2.abs();
+        let t40 = t22 * t22;
+        let t41 = t22.abs();
+        let t42 = fma(t34, (A_s4_2_1_over_m2_l1_l2 * t40).abs(), fma(t39, R::from_f64(8.0), t38 * t41));
+        let t43 = fma(R::from_f64(10.0), t25.abs(), fma(t38, t39, fma(t36, t37, fma(R::from_f64(2.0), A_s4_1_1_over_m2_l1_l2.abs(), fma(R::from_f64(10.0), t19.abs(), self.c17)))));
+        let t44 = fma(t42, A_s4_2_1_over_m2_l1_l2.abs(), t43);
+        let t45 = R::from_f64(10.0) * (t7 + t13.abs());
+        let t46 = A_l3_4.abs();
+        let t47 = t14.abs();
+        let t48 = t23.abs();
+        let t49 = fma(t33, t47, fma(t48, R::from_f64(8.0), t45 * A_l2_4.abs()));
+        let A_l3_2 = -t24;
+        let t50 = fma(R::from_f64(10.0), t26.abs(), fma(t49, t39, fma(t36, t47, fma(R::from_f64(2.0), A_s4_1_3_over_m2_l1_l2.abs(), fma(R::from_f64(10.0), (-t20).abs(), fma(t45, t35, R::from_f64(10.0) * t37))))));
+        let t51 = fma(t42, t48, t50);
+        let t52 = A_l3_1.abs();
+        let t53 = fma(R::from_f64(2.0), A_s4_3_3_over_m2_l1_l2.abs(), fma(t47, fma(t31, (t14 * t32).abs(), fma(t46, R::from_f64(8.0), t45 * t11.abs())), fma(R::from_f64(10.0), t21.abs(), fma(t45, t46, t30))));
+        let t54 = fma(R::from_f64(2.0), A_s2_3_3_over_m2_l1_l2.abs(), fma(t48, fma(t34, (t23 * t40).abs(), fma(R::from_f64(8.0), t24.abs(), t41 * t49)), fma(R::from_f64(10.0), (-t27).abs(), fma(t49, A_l3_2.abs(), t53))));
         [
-            ::hamel_runtime::Pivot::new("inertia along theta2_dot", A_s4_2_2_over_m2_l1_l2, t31),
-            ::hamel_runtime::Pivot::new("inertia along theta1_dot", A_s2_1_1_over_m2_l1_l2, t41),
-            ::hamel_runtime::Pivot::new("inertia along phi_dot", A_s1_3_3_over_m2_l1_l2, fma(fma(t41, (A_s2_1_3_over_m2_l1_l2 * (t25 * t25)).abs(), fma(t49, R::from_f64(8.0), t48 * t25.abs())), A_s2_1_3_over_m2_l1_l2.abs(), fma(R::from_f64(10.0), t26.abs(), fma(t48, t49, fma(R::from_f64(2.0), A_s2_3_3_over_m2_l1_l2.abs(), t51))))),
-            ::hamel_runtime::Pivot::new("inertia along phi1_dot", A_phi1_dot_phi1_dot_over_m2_l1_l2, t28),
+            ::hamel_runtime::Pivot::new("inertia along theta2_dot", A_s4_2_2_over_m2_l1_l2, t34),
+            ::hamel_runtime::Pivot::new("inertia along theta1_dot", A_s2_1_1_over_m2_l1_l2, t44),
+            ::hamel_runtime::Pivot::new("inertia along phi_dot", A_s1_3_3_over_m2_l1_l2, fma(fma(t44, (A_s2_1_3_over_m2_l1_l2 * (t28 * t28)).abs(), fma(t52, R::from_f64(8.0), t51 * t28.abs())), A_s2_1_3_over_m2_l1_l2.abs(), fma(R::from_f64(10.0), t29.abs(), fma(t51, t52, t54)))),
+            ::hamel_runtime::Pivot::new("inertia along phi1_dot", A_phi1_dot_phi1_dot_over_m2_l1_l2, t31),
         ]
     }
 
@@ -532,7 +536,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // mass matrix A = W^T L_yy Psi
         let t0 = theta2.sin();
         let t1 = theta1.sin();
-        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(fma(self.c1 * t0, phi.cos(), t1), self.c2 * t1, self.c0 * t0 * t0);
+        let A_phi1_dot_phi1_dot_over_m2_l1_l2 = fma(fma(self.c1 * t0, phi.cos(), t1), self.c2 * t1, self.c0 * (t0 * t0));
         R::from_f64(0.25) * A_phi1_dot_phi1_dot_over_m2_l1_l2 / A_phi1_dot_phi1_dot_over_m2_l1_l2.abs()
     }
 
@@ -558,7 +562,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[7] {
     p, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20, c21,
-    c22, A_theta1_dot_theta1_dot, c23, c24, c25, c26, c27, c28,
+    c22, c23, c24, c25, c26, c27, c28, c29,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

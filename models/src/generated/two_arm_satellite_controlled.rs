@@ -62,7 +62,7 @@ pub const INITIAL: [f64; 7] = [0.3, -0.4, 0.5, 0.2, 0.6, -0.8, 1.1];
 ///
 /// Held to its definition at 3 points: 5 functions.
 ///
-/// Function `rhs` has rounding errors of up to 360 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `rhs` has rounding errors of up to 580 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
 /// # State
 ///
@@ -79,42 +79,46 @@ pub struct Prepared<R = f64> {
     I2: R, ka: R, kb: R,
     c0: R, // 1 / (ma * (la * la))
     c1: R, // 1 / (mb * (lb * lb))
-    c2: R, // (3/5) / la
-    c3: R, // mb * (lb * lb)
-    c4: R, // (1/5) * mb * lb
-    c5: R, // 0.5 / lb
-    c6: R, // ma * (la * la)
-    c7: R, // I2 - I3
-    c8: R, // I3 - I1
-    c9: R, // I1 - I2
-    c10: R, // (2/5) * mb * lb
-    c11: R, // I1 + (1/100) * mb * (29 + 100 * (lb * lb))
-    c12: R, // mb * lb
-    c13: R, // I3 + (9/25) * ma + 0.25 * mb
-    c14: R, // -((9/25) * ma)
-    c15: R, // (1/5) / lb
-    c16: R, // 0.5 * I1
-    c17: R, // 0.5 * I2
-    c18: R, // 0.5 * I3
-    c19: R, // 0.5 * ka
-    c20: R, // 0.5 * kb
-    c21: R, // 0.5 * ma * (la * la)
-    c22: R, // 0.5 * mb * (lb * lb)
-    c23: R, // 10 * mb * (lb * lb)
-    c24: R, // 12 * I1 + (3/25) * mb * (29 + 100 * (lb * lb))
-    c25: R, // 6 / la
-    c26: R, // 2 * mb * lb
-    c27: R, // 11 * I2
-    c28: R, // 5 / lb
-    c29: R, // 14 * mb * (lb * lb)
-    c30: R, // 14 * I3 + (126/25) * ma + 3.5 * mb
-    c31: R, // (126/25) * ma
-    c32: R, // ma * (la * la)
-    c33: R, // mb * (lb * lb)
-    c34: R, // ma * (la * la)
-    c35: R, // mb * (lb * lb)
-    c36: R, // 1 / (mb * (lb * lb))
-    c37: R, // 1 / (mb * (lb * lb))
+    c2: R, // ma * (la * la)
+    c3: R, // (3/5) * ma * la
+    c4: R, // (1/10) / lb
+    c5: R, // 2 * mb * (lb * lb)
+    c6: R, // mb * lb
+    c7: R, // 0.5 / (mb * (lb * lb))
+    c8: R, // mb * (lb * lb)
+    c9: R, // I2 - I3
+    c10: R, // I3 - I1
+    c11: R, // I1 - I2
+    c12: R, // (1/5) * mb * lb
+    c13: R, // (2/5) * mb * lb
+    c14: R, // I1 + (1/100) * mb * (29 + 100 * (lb * lb))
+    c15: R, // 4 * mb * (lb * lb)
+    c16: R, // (3/5) / la
+    c17: R, // I3 + (9/25) * ma + 0.25 * mb
+    c18: R, // -((9/25) * ma)
+    c19: R, // (1/5) / lb
+    c20: R, // 0.5 / lb
+    c21: R, // 0.5 * I1
+    c22: R, // 0.5 * I2
+    c23: R, // 0.5 * I3
+    c24: R, // 0.5 * ka
+    c25: R, // 0.5 * kb
+    c26: R, // 0.5 * ma * (la * la)
+    c27: R, // 0.5 * mb * (lb * lb)
+    c28: R, // 10 * mb * (lb * lb)
+    c29: R, // 12 * I1 + (3/25) * mb * (29 + 100 * (lb * lb))
+    c30: R, // 6 * ma * la
+    c31: R, // 1 / lb
+    c32: R, // 44 * mb * (lb * lb)
+    c33: R, // 11 * I2
+    c34: R, // 10 * mb * lb
+    c35: R, // 14 * mb * (lb * lb)
+    c36: R, // 14 * I3 + (126/25) * ma + 3.5 * mb
+    c37: R, // (126/25) * ma
+    c38: R, // 2 * mb * (lb * lb)
+    c39: R, // mb * (lb * lb)
+    c40: R, // 1 / (mb * (lb * lb))
+    c41: R, // 1 / (ma * (la * la))
     /// Values that the inputs are held at.
     ///
     /// ```text
@@ -127,7 +131,7 @@ pub struct Prepared<R = f64> {
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 10 additions, 36 multiplications, 7 divisions, 1 sign change.
+    /// Operations: 10 additions, 45 multiplications, 8 divisions, 1 sign change.
     ///
     /// # Errors
     ///
@@ -135,14 +139,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         INFO.require_finite(&params.to_array())?;
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
-        let t0 = lb * lb;
-        let t1 = mb * t0;
-        let t2 = t1.recip();
-        let t3 = la * la;
-        let t4 = ma * t3;
-        let t5 = R::from_f64(29.0) + R::from_f64(100.0) * t0;
-        let t6 = R::ratio(9.0, 25.0) * ma;
-        let t7 = R::ratio(126.0, 25.0) * ma;
+        let t0 = la * la;
+        let t1 = ma * t0;
+        let t2 = lb * lb;
+        let t3 = R::from_f64(2.0) * mb * t2;
+        let t4 = mb * t2;
+        let t5 = t1.recip();
+        let t6 = R::from_f64(29.0) + R::from_f64(100.0) * t2;
+        let t7 = R::ratio(9.0, 25.0) * ma;
+        let t8 = t4.recip();
+        let t9 = R::from_f64(10.0) * mb;
+        let t10 = R::ratio(126.0, 25.0) * ma;
         ::hamel_runtime::ParamError::require(I1.all_gt(R::ZERO), "I1 > 0", "")?;
         ::hamel_runtime::ParamError::require(I2.all_gt(R::ZERO), "I2 > 0", "")?;
         ::hamel_runtime::ParamError::require(I3.all_gt(R::ZERO), "I3 > 0", "")?;
@@ -151,25 +158,30 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ::hamel_runtime::ParamError::require(mb.all_gt(R::ZERO), "mb > 0", "")?;
         ::hamel_runtime::ParamError::require(lb.all_gt(R::ZERO), "lb > 0", "")?;
         Ok(Self {
-            I2, ka, kb, c0: t4.recip(), c1: t2, c2: R::ratio(3.0, 5.0) / la, c3: t1,
-            c4: R::ratio(1.0, 5.0) * mb * lb,
-            c5: R::from_f64(0.5) / lb, c6: t4, c7: I2 - I3, c8: I3 - I1, c9: I1 - I2,
-            c10: R::ratio(2.0, 5.0) * mb * lb,
-            c11: I1 + R::ratio(1.0, 100.0) * mb * t5,
-            c12: mb * lb,
-            c13: I3 + t6 + R::from_f64(0.25) * mb,
-            c14: -t6, c15: R::ratio(1.0, 5.0) / lb, c16: R::from_f64(0.5) * I1, c17: R::from_f64(0.5) * I2,
-            c18: R::from_f64(0.5) * I3, c19: R::from_f64(0.5) * ka, c20: R::from_f64(0.5) * kb,
-            c21: R::from_f64(0.5) * ma * t3,
-            c22: R::from_f64(0.5) * mb * t0,
-            c23: R::from_f64(10.0) * mb * t0,
-            c24: R::from_f64(12.0) * I1 + R::ratio(3.0, 25.0) * mb * t5,
-            c25: R::from_f64(6.0) / la,
-            c26: R::from_f64(2.0) * mb * lb,
-            c27: R::from_f64(11.0) * I2, c28: R::from_f64(5.0) / lb,
-            c29: R::from_f64(14.0) * mb * t0,
-            c30: R::from_f64(14.0) * I3 + t7 + R::from_f64(3.5) * mb,
-            c31: t7, c32: t4, c33: t1, c34: t4, c35: t1, c36: t2, c37: t2, inputs: [R::ZERO, R::ZERO],
+            I2, ka, kb, c0: t5, c1: t8, c2: t1,
+            c3: R::ratio(3.0, 5.0) * ma * la,
+            c4: R::ratio(1.0, 10.0) / lb, c5: t3, c6: mb * lb, c7: R::from_f64(0.5) / t4, c8: t4, c9: I2 - I3,
+            c10: I3 - I1, c11: I1 - I2,
+            c12: R::ratio(1.0, 5.0) * mb * lb,
+            c13: R::ratio(2.0, 5.0) * mb * lb,
+            c14: I1 + R::ratio(1.0, 100.0) * mb * t6,
+            c15: R::from_f64(4.0) * mb * t2,
+            c16: R::ratio(3.0, 5.0) / la,
+            c17: I3 + t7 + R::from_f64(0.25) * mb,
+            c18: -t7, c19: R::ratio(1.0, 5.0) / lb, c20: R::from_f64(0.5) / lb, c21: R::from_f64(0.5) * I1,
+            c22: R::from_f64(0.5) * I2, c23: R::from_f64(0.5) * I3, c24: R::from_f64(0.5) * ka,
+            c25: R::from_f64(0.5) * kb,
+            c26: R::from_f64(0.5) * ma * t0,
+            c27: R::from_f64(0.5) * mb * t2,
+            c28: t9 * t2,
+            c29: R::from_f64(12.0) * I1 + R::ratio(3.0, 25.0) * mb * t6,
+            c30: R::from_f64(6.0) * ma * la,
+            c31: lb.recip(),
+            c32: R::from_f64(44.0) * mb * t2,
+            c33: R::from_f64(11.0) * I2, c34: t9 * lb,
+            c35: R::from_f64(14.0) * mb * t2,
+            c36: R::from_f64(14.0) * I3 + t10 + R::from_f64(3.5) * mb,
+            c37: t10, c38: t3, c39: t4, c40: t8, c41: t5, inputs: [R::ZERO, R::ZERO],
         })
     }
 
@@ -187,57 +199,141 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain two_arm_satellite
     /// ```
     ///
-    /// Operations: 58 additions, 86 multiplications (51 fused), 3 divisions, 2 elementary functions.
+    /// Operations: 57 additions, 92 multiplications (52 fused), 3 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs_with(&self, t: R, y: &[R; 7], u: &[R; 2], dy: &mut [R; 7]) {
         let [tau1, tau2] = *u;
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         // velocities v in squares m/2 |v|^2
-        let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-        let t4 = alpha_dot + Omega3;
-        let v1_1_over_5_la = t0 * t4;
-        let t5 = t1 * t4;
-        let v1_2_over_5_la = fma(Omega3, self.c2, t5);
-        let t6 = self.c2 + t1;
-        let v1_3_over_5_la = fma(-Omega2, t6, Omega1 * t0);
-        let t7 = fma(t2, self.c3, self.c4);
-        let t8 = self.c1 * t7;
-        let t9 = self.c5 + t3;
-        let v2_1_over_10_lb = fma(Omega2, t8, -(Omega3 * t9));
-        let t10 = beta_dot * t2;
-        let v2_2_over_10_lb = fma(Omega1, t8, t10);
-        let t11 = beta_dot * t3;
-        let v2_3_over_10_lb = fma(Omega1, t9, t11);
+        let t0 = alpha_dot + Omega3;
+        let ([t1, t3], [t2, t4]) = alpha.sin_cos_of_two(beta);
+        let t5 = self.c2 * t1;
+        let v1_1_scaled = t0 * t5;
+        let t6 = self.c2 * alpha_dot;
+        let t7 = t2 * t6;
+        let t8 = fma(t2, self.c2, self.c3);
+        let v1_2_scaled = fma(Omega3, t8, t7);
+        let v1_3_scaled = fma(-Omega2, t8, Omega1 * t5);
+        let t9 = fma(t3, R::from_f64(0.5), self.c4);
+        let t10 = fma(t4, self.c5, self.c6);
+        let t11 = self.c7 * t10;
+        let v2_1_over_10_lb = fma(-Omega3, t11, t9 * (R::from_f64(2.0) * Omega2));
+        let t12 = beta_dot * t4;
+        let v2_3_over_10_lb = fma(Omega1, t11, t12);
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let a1_1_over_5_la = fma(-Omega2, v1_3_over_5_la, fma(Omega3, v1_2_over_5_la, alpha_dot * t5));
-        let a1_2_over_5_la = fma(-Omega1, v1_3_over_5_la, -(t4 * v1_1_over_5_la));
-        let a1_3_over_5_la = fma(Omega1, fma(alpha_dot, t1, v1_2_over_5_la), Omega2 * fma(alpha_dot, t0, v1_1_over_5_la));
-        let a2_1_over_10_lb = fma(Omega3, t10 + v2_2_over_10_lb, Omega2 * (t11 + v2_3_over_10_lb));
-        let t12 = beta_dot + Omega1;
-        let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, v2_3_over_10_lb, t11 * t12));
-        let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, v2_2_over_10_lb, -(t10 * t12)));
+        let a1_1_scaled = fma(-Omega2, v1_3_scaled, fma(Omega3, v1_2_scaled, t0 * t7));
+        let t13 = t1 * t6;
+        let a1_2_scaled = fma(-Omega1, v1_3_scaled, fma(-Omega3, v1_1_scaled, -(t0 * t13)));
+        let a1_3_scaled = fma(Omega2, t13 + v1_1_scaled, Omega1 * (t7 + v1_2_scaled));
+        let t14 = beta_dot * t3;
+        let t15 = R::from_f64(2.0) * fma(Omega1, t9, t14);
+        let t16 = t12 + v2_3_over_10_lb;
+        let a2_1_over_10_lb = fma(Omega2, t16, Omega3 * t15);
+        let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, t16, beta_dot * t12));
+        let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, t15, -(beta_dot * t14)));
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t13 = self.c6 * t0;
-        let t14 = a1_1_over_5_la * t13;
-        let r_alpha_dot = fma(-a1_2_over_5_la, self.c32 * t1, fma(-alpha, self.ka, tau1)) - t14;
-        let r_beta_dot = fma(-self.c33, fma(t3, a2_3_over_10_lb, t2 * a2_2_over_10_lb), fma(-beta, self.kb, tau2));
-        let t15 = self.c3 * t9;
-        let r_Omega1 = fma(-a2_3_over_10_lb, t15, fma(-a1_3_over_5_la, t13, fma(-t7, a2_2_over_10_lb, self.c7 * Omega3 * Omega2)));
-        let t16 = self.c34 * t6;
-        let r_Omega2 = fma(-t7, a2_1_over_10_lb, fma(a1_3_over_5_la, t16, self.c8 * Omega3 * Omega1));
-        let r_Omega3 = fma(a2_1_over_10_lb, t15, fma(-a1_2_over_5_la, t16, fma(Omega1, self.c9 * Omega2, -t14)));
+        let t17 = t1 * a1_1_scaled;
+        let r_alpha_dot = fma(-t2, a1_2_scaled, fma(-alpha, self.ka, tau1)) - t17;
+        let r_beta_dot = fma(-self.c8, fma(t3, a2_2_over_10_lb, t4 * a2_3_over_10_lb), fma(-beta, self.kb, tau2));
+        let t18 = self.c38 * t9;
+        let t19 = R::from_f64(0.5) * t10;
+        let r_Omega1 = fma(-a2_2_over_10_lb, t18, fma(-a2_3_over_10_lb, t19, fma(-t1, a1_3_scaled, self.c9 * Omega3 * Omega2)));
+        let t20 = self.c0 * t8;
+        let r_Omega2 = fma(-a2_1_over_10_lb, t18, fma(a1_3_scaled, t20, self.c10 * Omega3 * Omega1));
+        let r_Omega3 = fma(a2_1_over_10_lb, t19, fma(-a1_2_scaled, t20, fma(Omega1, self.c11 * Omega2, -t17)));
         // mass matrix A = W^T L_yy Psi
-        let t17 = fma(t3, R::from_f64(2.5), t2);
-        let A_beta_dot_Omega1 = fma(t17, self.c4, self.c3);
-        let A_Omega1_Omega1 = fma(t0, t13, fma(t17, self.c10, self.c11));
-        let t18 = t6 * t13;
-        let A_Omega2_Omega2 = fma(t7, t8, fma(t6, t16, self.I2));
-        let t19 = t9 * t7;
+        let t21 = fma(t4, R::from_f64(2.5), t3);
+        let A_beta_dot_Omega1 = fma(t21, self.c12, self.c8);
+        let A_Omega1_Omega1 = fma(t1, t5, fma(t21, self.c13, self.c14));
+        let t22 = t1 * t8;
+        let A_Omega2_Omega2 = fma(self.c15, t9 * t9, fma(t8, t20, self.I2));
+        let t23 = t10 * t9;
         // factors of A
-        let A_l5_1 = fma(t1, self.c2, R::ONE);
-        let A_s1_5_5 = fma(self.c14, t1 * t1, fma(self.c35, t3 * t3, fma(t3, self.c12, self.c13)));
-        let A_l3_2 = self.c36 * A_beta_dot_Omega1;
+        let A_l5_1 = fma(t2, self.c16, R::ONE);
+        let A_s1_5_5 = fma(self.c18, t2 * t2, fma(self.c39, t4 * t4, fma(t4, self.c6, self.c17)));
+        let A_l3_2 = self.c1 * A_beta_dot_Omega1;
+        let A_s2_3_3 = fma(-A_beta_dot_Omega1, A_l3_2, A_Omega1_Omega1);
+        let t24 = A_s2_3_3.recip();
+        let t25 = t22 * t24;
+        let A_s3_4_4 = fma(-t22, t25, A_Omega2_Omega2);
+        let t26 = A_s3_4_4.recip();
+        let t27 = t23 * t26;
+        let A_s4_5_5 = fma(-t23, t27, A_s1_5_5);
+        // substitution through the factors of A
+        let z_Omega1 = fma(-r_beta_dot, A_l3_2, r_Omega1);
+        let z_Omega2 = fma(t25, z_Omega1, r_Omega2);
+        let z_Omega3 = fma(t27, z_Omega2, fma(-r_alpha_dot, A_l5_1, r_Omega3));
+        let dot_Omega3 = z_Omega3 / A_s4_5_5;
+        let dot_Omega2 = fma(t27, dot_Omega3, z_Omega2 * t26);
+        let dot_Omega1 = fma(t25, dot_Omega2, z_Omega1 * t24);
+        let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c40 * r_beta_dot);
+        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c41 * r_alpha_dot);
+        *dy = [alpha_dot, beta_dot, dot_alpha_dot, dot_beta_dot, dot_Omega1, dot_Omega2, dot_Omega3];
+    }
+
+    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
+    ///
+    /// State:
+    ///
+    /// ```text
+    /// y = [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, cos_alpha, sin_alpha,
+    ///      cos_beta, sin_beta]
+    /// ```
+    ///
+    /// Operations: 57 additions, 96 multiplications (52 fused), 3 divisions, 2 sign changes.
+    #[inline]
+    pub fn rhs_on_circles(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
+        let [tau1, tau2] = self.inputs;
+        let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, cos_alpha, sin_alpha, cos_beta, sin_beta] = *y;
+        let _ = t;
+        // velocities v in squares m/2 |v|^2
+        let t0 = alpha_dot + Omega3;
+        let t1 = self.c2 * sin_alpha;
+        let v1_1_scaled = t0 * t1;
+        let t2 = self.c2 * alpha_dot;
+        let t3 = cos_alpha * t2;
+        let t4 = fma(cos_alpha, self.c2, self.c3);
+        let v1_2_scaled = fma(Omega3, t4, t3);
+        let v1_3_scaled = fma(-Omega2, t4, Omega1 * t1);
+        let t5 = fma(sin_beta, R::from_f64(0.5), self.c4);
+        let t6 = fma(cos_beta, self.c5, self.c6);
+        let t7 = self.c7 * t6;
+        let v2_1_over_10_lb = fma(-Omega3, t7, t5 * (R::from_f64(2.0) * Omega2));
+        let t8 = beta_dot * cos_beta;
+        let v2_3_over_10_lb = fma(Omega1, t7, t8);
+        // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
+        let a1_1_scaled = fma(-Omega2, v1_3_scaled, fma(Omega3, v1_2_scaled, t0 * t3));
+        let t9 = sin_alpha * t2;
+        let a1_2_scaled = fma(-Omega1, v1_3_scaled, fma(-Omega3, v1_1_scaled, -(t0 * t9)));
+        let a1_3_scaled = fma(Omega2, t9 + v1_1_scaled, Omega1 * (t3 + v1_2_scaled));
+        let t10 = beta_dot * sin_beta;
+        let t11 = R::from_f64(2.0) * fma(Omega1, t5, t10);
+        let t12 = t8 + v2_3_over_10_lb;
+        let a2_1_over_10_lb = fma(Omega2, t12, Omega3 * t11);
+        let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, t12, beta_dot * t8));
+        let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, t11, -(beta_dot * t10)));
+        // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
+        let t13 = sin_alpha * a1_1_scaled;
+        let r_alpha_dot = fma(-cos_alpha, a1_2_scaled, fma(-alpha, self.ka, tau1)) - t13;
+        let r_beta_dot = fma(-self.c8, fma(sin_beta, a2_2_over_10_lb, cos_beta * a2_3_over_10_lb), fma(-beta, self.kb, tau2));
+        let t14 = self.c38 * t5;
+        let t15 = R::from_f64(0.5) * t6;
+        let r_Omega1 = fma(-a2_2_over_10_lb, t14, fma(-a2_3_over_10_lb, t15, fma(-sin_alpha, a1_3_scaled, self.c9 * Omega3 * Omega2)));
+        let t16 = self.c0 * t4;
+        let r_Omega2 = fma(-a2_1_over_10_lb, t14, fma(a1_3_scaled, t16, self.c10 * Omega3 * Omega1));
+        let r_Omega3 = fma(a2_1_over_10_lb, t15, fma(-a1_2_scaled, t16, fma(Omega1, self.c11 * Omega2, -t13)));
+        // mass matrix A = W^T L_yy Psi
+        let t17 = fma(cos_beta, R::from_f64(2.5), sin_beta);
+        let A_beta_dot_Omega1 = fma(t17, self.c12, self.c8);
+        let A_Omega1_Omega1 = fma(sin_alpha, t1, fma(t17, self.c13, self.c14));
+        let t18 = sin_alpha * t4;
+        let A_Omega2_Omega2 = fma(self.c15, t5 * t5, fma(t4, t16, self.I2));
+        let t19 = t6 * t5;
+        // factors of A
+        let A_l5_1 = fma(cos_alpha, self.c16, R::ONE);
+        let A_s1_5_5 = fma(self.c18, cos_alpha * cos_alpha, fma(self.c39, cos_beta * cos_beta, fma(cos_beta, self.c6, self.c17)));
+        let A_l3_2 = self.c1 * A_beta_dot_Omega1;
         let A_s2_3_3 = fma(-A_beta_dot_Omega1, A_l3_2, A_Omega1_Omega1);
         let t20 = A_s2_3_3.recip();
         let t21 = t18 * t20;
@@ -252,86 +348,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let dot_Omega3 = z_Omega3 / A_s4_5_5;
         let dot_Omega2 = fma(t23, dot_Omega3, z_Omega2 * t22);
         let dot_Omega1 = fma(t21, dot_Omega2, z_Omega1 * t20);
-        let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c37 * r_beta_dot);
-        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c0 * r_alpha_dot);
-        *dy = [alpha_dot, beta_dot, dot_alpha_dot, dot_beta_dot, dot_Omega1, dot_Omega2, dot_Omega3];
-    }
-
-    /// [`rhs`](Self::rhs) for a state with cosine and sine of angles behind it: neither is called.
-    ///
-    /// State:
-    ///
-    /// ```text
-    /// y = [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, cos_alpha, sin_alpha,
-    ///      cos_beta, sin_beta]
-    /// ```
-    ///
-    /// Operations: 58 additions, 90 multiplications (51 fused), 3 divisions, 2 sign changes.
-    #[inline]
-    pub fn rhs_on_circles(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
-        let [tau1, tau2] = self.inputs;
-        let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, cos_alpha, sin_alpha, cos_beta, sin_beta] = *y;
-        let _ = t;
-        // velocities v in squares m/2 |v|^2
-        let t0 = alpha_dot + Omega3;
-        let v1_1_over_5_la = sin_alpha * t0;
-        let t1 = cos_alpha * t0;
-        let v1_2_over_5_la = fma(Omega3, self.c2, t1);
-        let t2 = self.c2 + cos_alpha;
-        let v1_3_over_5_la = fma(-Omega2, t2, Omega1 * sin_alpha);
-        let t3 = fma(sin_beta, self.c3, self.c4);
-        let t4 = self.c1 * t3;
-        let t5 = self.c5 + cos_beta;
-        let v2_1_over_10_lb = fma(Omega2, t4, -(Omega3 * t5));
-        let t6 = beta_dot * sin_beta;
-        let v2_2_over_10_lb = fma(Omega1, t4, t6);
-        let t7 = beta_dot * cos_beta;
-        let v2_3_over_10_lb = fma(Omega1, t5, t7);
-        // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let a1_1_over_5_la = fma(-Omega2, v1_3_over_5_la, fma(Omega3, v1_2_over_5_la, alpha_dot * t1));
-        let a1_2_over_5_la = fma(-Omega1, v1_3_over_5_la, -(t0 * v1_1_over_5_la));
-        let a1_3_over_5_la = fma(Omega1, fma(alpha_dot, cos_alpha, v1_2_over_5_la), Omega2 * fma(alpha_dot, sin_alpha, v1_1_over_5_la));
-        let a2_1_over_10_lb = fma(Omega3, t6 + v2_2_over_10_lb, Omega2 * (t7 + v2_3_over_10_lb));
-        let t8 = beta_dot + Omega1;
-        let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, v2_3_over_10_lb, t7 * t8));
-        let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, v2_2_over_10_lb, -(t6 * t8)));
-        // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t9 = self.c6 * sin_alpha;
-        let t10 = a1_1_over_5_la * t9;
-        let r_alpha_dot = fma(-a1_2_over_5_la, self.c32 * cos_alpha, fma(-alpha, self.ka, tau1)) - t10;
-        let r_beta_dot = fma(-self.c33, fma(cos_beta, a2_3_over_10_lb, sin_beta * a2_2_over_10_lb), fma(-beta, self.kb, tau2));
-        let t11 = self.c3 * t5;
-        let r_Omega1 = fma(-a2_3_over_10_lb, t11, fma(-a1_3_over_5_la, t9, fma(-t3, a2_2_over_10_lb, self.c7 * Omega3 * Omega2)));
-        let t12 = self.c34 * t2;
-        let r_Omega2 = fma(-t3, a2_1_over_10_lb, fma(a1_3_over_5_la, t12, self.c8 * Omega3 * Omega1));
-        let r_Omega3 = fma(a2_1_over_10_lb, t11, fma(-a1_2_over_5_la, t12, fma(Omega1, self.c9 * Omega2, -t10)));
-        // mass matrix A = W^T L_yy Psi
-        let t13 = fma(cos_beta, R::from_f64(2.5), sin_beta);
-        let A_beta_dot_Omega1 = fma(t13, self.c4, self.c3);
-        let A_Omega1_Omega1 = fma(sin_alpha, t9, fma(t13, self.c10, self.c11));
-        let t14 = t2 * t9;
-        let A_Omega2_Omega2 = fma(t3, t4, fma(t2, t12, self.I2));
-        let t15 = t5 * t3;
-        // factors of A
-        let A_l5_1 = fma(cos_alpha, self.c2, R::ONE);
-        let A_s1_5_5 = fma(self.c14, cos_alpha * cos_alpha, fma(self.c35, cos_beta * cos_beta, fma(cos_beta, self.c12, self.c13)));
-        let A_l3_2 = self.c36 * A_beta_dot_Omega1;
-        let A_s2_3_3 = fma(-A_beta_dot_Omega1, A_l3_2, A_Omega1_Omega1);
-        let t16 = A_s2_3_3.recip();
-        let t17 = t14 * t16;
-        let A_s3_4_4 = fma(-t14, t17, A_Omega2_Omega2);
-        let t18 = A_s3_4_4.recip();
-        let t19 = t15 * t18;
-        let A_s4_5_5 = fma(-t15, t19, A_s1_5_5);
-        // substitution through the factors of A
-        let z_Omega1 = fma(-r_beta_dot, A_l3_2, r_Omega1);
-        let z_Omega2 = fma(t17, z_Omega1, r_Omega2);
-        let z_Omega3 = fma(t19, z_Omega2, fma(-r_alpha_dot, A_l5_1, r_Omega3));
-        let dot_Omega3 = z_Omega3 / A_s4_5_5;
-        let dot_Omega2 = fma(t19, dot_Omega3, z_Omega2 * t18);
-        let dot_Omega1 = fma(t17, dot_Omega2, z_Omega1 * t16);
-        let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c37 * r_beta_dot);
-        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c0 * r_alpha_dot);
+        let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c40 * r_beta_dot);
+        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c41 * r_alpha_dot);
         let dot_cos_alpha = -(sin_alpha * alpha_dot);
         let dot_sin_alpha = cos_alpha * alpha_dot;
         let dot_cos_beta = -(sin_beta * beta_dot);
@@ -369,16 +387,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
         let t4 = t0 * (alpha_dot + Omega3);
-        let t5 = self.c2 + t1;
+        let t5 = self.c16 + t1;
         let t6 = fma(Omega3, t5, alpha_dot * t1);
         let t7 = fma(-Omega2, t5, Omega1 * t0);
-        let t8 = self.c15 + t2;
-        let t9 = self.c5 + t3;
+        let t8 = self.c19 + t2;
+        let t9 = self.c20 + t3;
         let t10 = fma(-Omega3, t9, Omega2 * t8);
         let t11 = fma(Omega1, t8, beta_dot * t2);
         let t12 = fma(Omega1, t9, beta_dot * t3);
-        let t13 = fma(self.c21, fma(t7, t7, fma(t6, t6, t4 * t4)), fma(self.c20, beta * beta, fma(self.c19, alpha * alpha, fma(self.c18, Omega3 * Omega3, fma(self.c17, Omega2 * Omega2, self.c16 * (Omega1 * Omega1))))));
-        fma(self.c22, fma(t10, t10, fma(t12, t12, t11 * t11)), t13)
+        let t13 = fma(self.c26, fma(t7, t7, fma(t6, t6, t4 * t4)), fma(self.c25, beta * beta, fma(self.c24, alpha * alpha, fma(self.c23, Omega3 * Omega3, fma(self.c22, Omega2 * Omega2, self.c21 * (Omega1 * Omega1))))));
+        fma(self.c27, fma(t10, t10, fma(t12, t12, t11 * t11)), t13)
     }
 
     /// Rate of energy dE/dt along the motion.
@@ -395,7 +413,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
-    /// Operations: 55 additions, 76 multiplications (45 fused), 2 divisions, 34 sign changes, 2 elementary functions.
+    /// Operations: 53 additions, 78 multiplications (46 fused), 2 divisions, 34 sign changes, 2 elementary functions.
     #[must_use]
     pub fn pivots(&self, t: R, y: &[R; 7]) -> [::hamel_runtime::Pivot<R>; 3] {
         let [alpha, beta, _, _, _, _, _] = *y;
@@ -403,64 +421,60 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
         let t4 = fma(t1, R::from_f64(2.5), t0);
-        let A_beta_dot_Omega1 = fma(t4, self.c4, self.c3);
-        let t5 = self.c6 * t2;
-        let t6 = t2 * t5;
-        let A_Omega1_Omega1 = fma(t4, self.c10, self.c11) + t6;
-        let t7 = self.c2 + t3;
-        let t8 = t7 * t5;
-        let t9 = self.c6 * t7;
+        let A_beta_dot_Omega1 = fma(t4, self.c12, self.c8);
+        let t5 = self.c2 * t2 * t2;
+        let A_Omega1_Omega1 = fma(t4, self.c13, self.c14) + t5;
+        let t6 = self.c2 * t3;
+        let t7 = self.c3 + t6;
+        let t8 = t2 * t7;
+        let t9 = self.c0 * t7;
         let t10 = t7 * t9;
-        let t11 = self.c3 * t0;
-        let t12 = self.c4 + t11;
-        let t13 = self.c1 * t12;
-        let t14 = t12 * t13;
-        let A_Omega2_Omega2 = self.I2 + t10 + t14;
-        let t15 = self.c5 + t1;
-        let t16 = t15 * t12;
+        let t11 = fma(t0, R::from_f64(0.5), self.c4);
+        let t12 = t11 * t11;
+        let A_Omega2_Omega2 = fma(t12, self.c15, self.I2) + t10;
+        let t13 = fma(t1, self.c5, self.c6);
+        let t14 = t13 * t11;
         // factors of A
-        let t17 = self.c12 * t1;
-        let t18 = t1 * t1;
-        let t19 = t3 * t3;
-        let A_s1_5_5 = fma(t19, self.c14, fma(t18, self.c3, self.c13 + t17));
+        let t15 = self.c6 * t1;
+        let t16 = t1 * t1;
+        let t17 = t3 * t3;
+        let A_s1_5_5 = fma(t17, self.c18, fma(t16, self.c8, self.c17 + t15));
         let A_l3_2 = self.c1 * A_beta_dot_Omega1;
-        let t20 = A_beta_dot_Omega1 * A_l3_2;
-        let A_s2_3_3 = A_Omega1_Omega1 - t20;
-        let t21 = A_s2_3_3.recip();
-        let t22 = t8 * t21;
-        let t23 = t8 * t22;
-        let A_s3_4_4 = A_Omega2_Omega2 - t23;
-        let t24 = A_s3_4_4.recip();
-        let t25 = t16 * t24;
-        let t26 = t16 * t25;
-        let A_s4_5_5 = A_s1_5_5 - t26;
-        let t27 = t1.abs();
-        let t28 = fma(R::from_f64(10.0), t0.abs(), R::from_f64(25.0) * t27);
-        let t29 = (self.c12 * t4).abs();
-        let t30 = fma(t29, R::from_f64(2.0), fma(t28, self.c4, self.c23));
-        let t31 = A_l3_2.abs();
-        let t32 = fma(R::from_f64(2.0), A_Omega1_Omega1.abs(), fma(t29, R::ratio(24.0, 5.0), fma(t28, self.c10, fma(t20, R::from_f64(10.0), fma(t6, R::from_f64(12.0), self.c24)))));
-        let t33 = fma(fma(t30, self.c1, R::from_f64(8.0) * t31), A_beta_dot_Omega1.abs(), fma(t30, t31, t32));
-        let t34 = fma(R::from_f64(10.0), t3.abs(), self.c25);
-        let t35 = t9.abs();
-        let t36 = fma(R::from_f64(10.0), t11.abs(), self.c26);
-        let t37 = t13.abs();
-        let t38 = t12.abs();
-        let t39 = fma(R::from_f64(8.0), t8.abs(), t34 * t5.abs());
-        let A_l4_3 = -t22;
-        let t40 = A_l4_3.abs();
+        let t18 = A_beta_dot_Omega1 * A_l3_2;
+        let A_s2_3_3 = A_Omega1_Omega1 - t18;
+        let t19 = A_s2_3_3.recip();
+        let t20 = t8 * t19;
+        let t21 = t8 * t20;
+        let A_s3_4_4 = A_Omega2_Omega2 - t21;
+        let t22 = A_s3_4_4.recip();
+        let t23 = t14 * t22;
+        let t24 = t14 * t23;
+        let A_s4_5_5 = A_s1_5_5 - t24;
+        let t25 = t0.abs();
+        let t26 = fma(R::from_f64(25.0), t1.abs(), R::from_f64(10.0) * t25);
+        let t27 = (self.c6 * t4).abs();
+        let t28 = fma(t27, R::from_f64(2.0), fma(t26, self.c12, self.c28));
+        let t29 = A_l3_2.abs();
+        let t30 = fma(R::from_f64(2.0), A_Omega1_Omega1.abs(), fma(t27, R::ratio(24.0, 5.0), fma(t26, self.c13, fma(t18, R::from_f64(10.0), fma(t5, R::from_f64(12.0), self.c29)))));
+        let t31 = fma(fma(t28, self.c1, R::from_f64(8.0) * t29), A_beta_dot_Omega1.abs(), fma(t28, t29, t30));
+        let t32 = fma(R::from_f64(10.0), t6.abs(), self.c30);
+        let t33 = t9.abs();
+        let t34 = fma(t25, R::from_f64(5.0), self.c31);
+        let t35 = fma(R::from_f64(8.0), t8.abs(), t32 * t2.abs());
+        let A_l4_3 = -t20;
+        let t36 = A_l4_3.abs();
         let A_Omega1_Omega2 = -t8;
-        let t41 = fma(fma(t35, R::from_f64(8.0), self.c6 * t34), t7.abs(), fma(t34, t35, fma(A_Omega2_Omega2, R::from_f64(2.0), fma(t14, R::from_f64(11.0), fma(t10, R::from_f64(11.0), self.c27)))));
-        let t42 = fma(fma(t33, (-(t8 * (t21 * t21))).abs(), fma(t40, R::from_f64(8.0), t39 * t21.abs())), A_Omega1_Omega2.abs(), fma(R::from_f64(10.0), t23.abs(), fma(t39, t40, fma(t38, fma(t37, R::from_f64(8.0), self.c1 * t36), fma(t36, t37, t41)))));
-        let t43 = fma(R::from_f64(8.0), t16.abs(), fma(t36, t15.abs(), fma(t27, R::from_f64(10.0), self.c28) * t38));
-        let A_l5_4 = -t25;
-        let t44 = A_l5_4.abs();
-        let A_Omega2_Omega3 = -t16;
-        let t45 = fma(R::from_f64(10.0), t26.abs(), fma(t43, t44, fma(R::from_f64(2.0), A_s1_5_5.abs(), fma(R::from_f64(14.0), t17.abs(), fma(t19, self.c31, fma(t18, self.c29, self.c30))))));
+        let t37 = fma(R::from_f64(8.0) * t34, (self.c8 * t11).abs(), fma(t32, t33, fma(A_Omega2_Omega2, R::from_f64(2.0), fma(t10, R::from_f64(11.0), fma(t12, self.c32, self.c33)))));
+        let t38 = fma(fma(t31, (-(t8 * (t19 * t19))).abs(), fma(t36, R::from_f64(8.0), t35 * t19.abs())), A_Omega1_Omega2.abs(), fma(R::from_f64(10.0), t21.abs(), fma(t35, t36, fma(fma(t33, R::from_f64(8.0), self.c0 * t32), t7.abs(), t37))));
+        let t39 = fma(R::from_f64(8.0), t14.abs(), fma(fma(R::from_f64(20.0), (self.c8 * t1).abs(), self.c34), t11.abs(), t34 * t13.abs()));
+        let A_l5_4 = -t23;
+        let t40 = A_l5_4.abs();
+        let A_Omega2_Omega3 = -t14;
+        let t41 = fma(R::from_f64(10.0), t24.abs(), fma(t39, t40, fma(R::from_f64(2.0), A_s1_5_5.abs(), fma(R::from_f64(14.0), t15.abs(), fma(t17, self.c37, fma(t16, self.c35, self.c36))))));
         [
-            ::hamel_runtime::Pivot::new("inertia along Omega1", A_s2_3_3, t33),
-            ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4, t42),
-            ::hamel_runtime::Pivot::new("inertia along Omega3", A_s4_5_5, fma(fma(t42, (-(t16 * (t24 * t24))).abs(), fma(t44, R::from_f64(8.0), t43 * t24.abs())), A_Omega2_Omega3.abs(), t45)),
+            ::hamel_runtime::Pivot::new("inertia along Omega1", A_s2_3_3, t31),
+            ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4, t38),
+            ::hamel_runtime::Pivot::new("inertia along Omega3", A_s4_5_5, fma(fma(t38, (-(t14 * (t22 * t22))).abs(), fma(t40, R::from_f64(8.0), t39 * t22.abs())), A_Omega2_Omega3.abs(), t41)),
         ]
     }
 
@@ -479,7 +493,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[7] {
     I2, ka, kb, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20,
-    c21, c22, c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36, c37,
+    c21, c22, c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36, c37, c38, c39, c40, c41,
 } array inputs);
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
@@ -533,7 +547,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
-        ::hamel_runtime::Convolutions<R, 4>,
+        ::hamel_runtime::Convolutions<R, 5>,
     );
     fn workspace(&self) -> Self::Workspace {
         (
@@ -569,7 +583,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared<R> {
     /// Writes the Taylor coefficients of the solution, at order zero by the equations and then by their recurrence.
     ///
-    /// Operations at each order k: 180 additions, 159 multiplications (135 fused), 4 sign changes, and 68 sums of k - 1 products.
+    /// Operations at each order k: 180 additions, 165 multiplications (136 fused), 4 sign changes, and 69 sums of k - 1 products.
     fn series_with(
         &self,
         t: R,
@@ -593,83 +607,83 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared
             let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
             let _ = t;
             // velocities v in squares m/2 |v|^2
-            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-            let t4 = alpha_dot + Omega3;
-            let v1_1_over_5_la = t0 * t4;
-            let t5 = t1 * t4;
-            let v1_2_over_5_la = fma(Omega3, self.c2, t5);
-            let t6 = self.c2 + t1;
-            let v1_3_over_5_la = fma(-Omega2, t6, Omega1 * t0);
-            let t7 = fma(t2, self.c3, self.c4);
-            let t8 = self.c1 * t7;
-            let t9 = self.c5 + t3;
-            let v2_1_over_10_lb = fma(Omega2, t8, -(Omega3 * t9));
-            let t10 = beta_dot * t2;
-            let v2_2_over_10_lb = fma(Omega1, t8, t10);
-            let t11 = beta_dot * t3;
-            let v2_3_over_10_lb = fma(Omega1, t9, t11);
+            let t0 = alpha_dot + Omega3;
+            let ([t1, t3], [t2, t4]) = alpha.sin_cos_of_two(beta);
+            let t5 = self.c2 * t1;
+            let v1_1_scaled = t0 * t5;
+            let t6 = self.c2 * alpha_dot;
+            let t7 = t2 * t6;
+            let t8 = fma(t2, self.c2, self.c3);
+            let v1_2_scaled = fma(Omega3, t8, t7);
+            let v1_3_scaled = fma(-Omega2, t8, Omega1 * t5);
+            let t9 = fma(t3, R::from_f64(0.5), self.c4);
+            let t10 = fma(t4, self.c5, self.c6);
+            let t11 = self.c7 * t10;
+            let t12 = R::from_f64(2.0) * Omega2;
+            let v2_1_over_10_lb = fma(-Omega3, t11, t9 * t12);
+            let t13 = beta_dot * t4;
+            let v2_3_over_10_lb = fma(Omega1, t11, t13);
             // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-            let a1_1_over_5_la = fma(-Omega2, v1_3_over_5_la, fma(Omega3, v1_2_over_5_la, alpha_dot * t5));
-            let a1_2_over_5_la = fma(-Omega1, v1_3_over_5_la, -(t4 * v1_1_over_5_la));
-            let t12 = fma(alpha_dot, t1, v1_2_over_5_la);
-            let t13 = fma(alpha_dot, t0, v1_1_over_5_la);
-            let a1_3_over_5_la = fma(Omega1, t12, Omega2 * t13);
-            let t14 = t10 + v2_2_over_10_lb;
-            let t15 = t11 + v2_3_over_10_lb;
-            let a2_1_over_10_lb = fma(Omega3, t14, Omega2 * t15);
-            let t16 = beta_dot + Omega1;
-            let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, v2_3_over_10_lb, t11 * t16));
-            let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, v2_2_over_10_lb, -(t10 * t16)));
+            let a1_1_scaled = fma(-Omega2, v1_3_scaled, fma(Omega3, v1_2_scaled, t0 * t7));
+            let t14 = t1 * t6;
+            let a1_2_scaled = fma(-Omega1, v1_3_scaled, fma(-Omega3, v1_1_scaled, -(t0 * t14)));
+            let t15 = t7 + v1_2_scaled;
+            let t16 = t14 + v1_1_scaled;
+            let a1_3_scaled = fma(Omega2, t16, Omega1 * t15);
+            let t17 = beta_dot * t3;
+            let t18 = R::from_f64(2.0) * fma(Omega1, t9, t17);
+            let t19 = t13 + v2_3_over_10_lb;
+            let a2_1_over_10_lb = fma(Omega2, t19, Omega3 * t18);
+            let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, t19, beta_dot * t13));
+            let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, t18, -(beta_dot * t17)));
             // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-            let t17 = self.c6 * t0;
-            let t18 = a1_1_over_5_la * t17;
-            let t19 = self.c32 * t1;
-            let r_alpha_dot = fma(-a1_2_over_5_la, t19, fma(-alpha, self.ka, tau1)) - t18;
-            let r_beta_dot = fma(-self.c33, fma(t3, a2_3_over_10_lb, t2 * a2_2_over_10_lb), fma(-beta, self.kb, tau2));
-            let t20 = self.c3 * t9;
-            let t21 = self.c7 * Omega3;
-            let r_Omega1 = fma(-a2_3_over_10_lb, t20, fma(-a1_3_over_5_la, t17, fma(-t7, a2_2_over_10_lb, t21 * Omega2)));
-            let t22 = self.c34 * t6;
-            let t23 = self.c8 * Omega3;
-            let r_Omega2 = fma(-t7, a2_1_over_10_lb, fma(a1_3_over_5_la, t22, t23 * Omega1));
-            let t24 = self.c9 * Omega2;
-            let r_Omega3 = fma(a2_1_over_10_lb, t20, fma(-a1_2_over_5_la, t22, fma(Omega1, t24, -t18)));
+            let t20 = t1 * a1_1_scaled;
+            let r_alpha_dot = fma(-t2, a1_2_scaled, fma(-alpha, self.ka, tau1)) - t20;
+            let r_beta_dot = fma(-self.c8, fma(t3, a2_2_over_10_lb, t4 * a2_3_over_10_lb), fma(-beta, self.kb, tau2));
+            let t21 = self.c38 * t9;
+            let t22 = R::from_f64(0.5) * t10;
+            let t23 = self.c9 * Omega3;
+            let r_Omega1 = fma(-a2_2_over_10_lb, t21, fma(-a2_3_over_10_lb, t22, fma(-t1, a1_3_scaled, t23 * Omega2)));
+            let t24 = self.c0 * t8;
+            let t25 = self.c10 * Omega3;
+            let r_Omega2 = fma(-a2_1_over_10_lb, t21, fma(a1_3_scaled, t24, t25 * Omega1));
+            let t26 = self.c11 * Omega2;
+            let r_Omega3 = fma(a2_1_over_10_lb, t22, fma(-a1_2_scaled, t24, fma(Omega1, t26, -t20)));
             // mass matrix A = W^T L_yy Psi
-            let t25 = fma(t3, R::from_f64(2.5), t2);
-            let A_beta_dot_Omega1 = fma(t25, self.c4, self.c3);
-            let A_Omega1_Omega1 = fma(t0, t17, fma(t25, self.c10, self.c11));
-            let t26 = t6 * t17;
-            let A_Omega2_Omega2 = fma(t7, t8, fma(t6, t22, self.I2));
-            let t27 = t9 * t7;
+            let t27 = fma(t4, R::from_f64(2.5), t3);
+            let A_beta_dot_Omega1 = fma(t27, self.c12, self.c8);
+            let A_Omega1_Omega1 = fma(t1, t5, fma(t27, self.c13, self.c14));
+            let t28 = t1 * t8;
+            let A_Omega2_Omega2 = fma(self.c15, t9 * t9, fma(t8, t24, self.I2));
+            let t29 = t10 * t9;
             // factors of A
-            let A_l5_1 = fma(t1, self.c2, R::ONE);
-            let A_s1_5_5 = fma(self.c14, t1 * t1, fma(self.c35, t3 * t3, fma(t3, self.c12, self.c13)));
-            let A_l3_2 = self.c36 * A_beta_dot_Omega1;
+            let A_l5_1 = fma(t2, self.c16, R::ONE);
+            let A_s1_5_5 = fma(self.c18, t2 * t2, fma(self.c39, t4 * t4, fma(t4, self.c6, self.c17)));
+            let A_l3_2 = self.c1 * A_beta_dot_Omega1;
             let A_s2_3_3 = fma(-A_beta_dot_Omega1, A_l3_2, A_Omega1_Omega1);
-            let t28 = A_s2_3_3.recip();
-            let t29 = t26 * t28;
-            let A_s3_4_4 = fma(-t26, t29, A_Omega2_Omega2);
-            let t30 = A_s3_4_4.recip();
-            let t31 = t27 * t30;
-            let A_s4_5_5 = fma(-t27, t31, A_s1_5_5);
+            let t30 = A_s2_3_3.recip();
+            let t31 = t28 * t30;
+            let A_s3_4_4 = fma(-t28, t31, A_Omega2_Omega2);
+            let t32 = A_s3_4_4.recip();
+            let t33 = t29 * t32;
+            let A_s4_5_5 = fma(-t29, t33, A_s1_5_5);
             // substitution through the factors of A
             let z_Omega1 = fma(-r_beta_dot, A_l3_2, r_Omega1);
-            let z_Omega2 = fma(t29, z_Omega1, r_Omega2);
-            let z_Omega3 = fma(t31, z_Omega2, fma(-r_alpha_dot, A_l5_1, r_Omega3));
+            let z_Omega2 = fma(t31, z_Omega1, r_Omega2);
+            let z_Omega3 = fma(t33, z_Omega2, fma(-r_alpha_dot, A_l5_1, r_Omega3));
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let t32 = z_Omega2 * t30;
-            let dot_Omega2 = fma(t31, dot_Omega3, t32);
-            let t33 = z_Omega1 * t28;
-            let dot_Omega1 = fma(t29, dot_Omega2, t33);
-            let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c37 * r_beta_dot);
-            let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c0 * r_alpha_dot);
+            let t34 = z_Omega2 * t32;
+            let dot_Omega2 = fma(t33, dot_Omega3, t34);
+            let t35 = z_Omega1 * t30;
+            let dot_Omega1 = fma(t31, dot_Omega2, t35);
+            let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c40 * r_beta_dot);
+            let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c41 * r_alpha_dot);
             ([alpha_dot, beta_dot, dot_alpha_dot, dot_beta_dot, dot_Omega1, dot_Omega2, dot_Omega3], [
-                t0, t1, t2, t3, t4, Omega1, Omega2, t6, Omega3, t9, t8, beta_dot, alpha_dot, t5, v1_2_over_5_la,
-                v1_3_over_5_la, v1_1_over_5_la, t13, t12, t15, t14, t11, t16, v2_3_over_10_lb, v2_1_over_10_lb, t10,
-                v2_2_over_10_lb, a1_1_over_5_la, t17, a1_2_over_5_la, t19, a2_2_over_10_lb, a2_3_over_10_lb, t21, t7,
-                a1_3_over_5_la, t20, t23, t22, a2_1_over_10_lb, t24, t3 + t3, t1 + t1, A_beta_dot_Omega1, A_l3_2, t28,
-                t29, t26, t30, t31, t27, r_beta_dot, z_Omega1, r_alpha_dot, A_l5_1, z_Omega2, dot_Omega3,
-                A_s4_5_5.recip(), t32, t33, dot_Omega2, dot_Omega1,
+                t1, t2, t3, t4, t0, t5, t6, Omega3, t8, Omega1, Omega2, t9, t12, t11, beta_dot, t7, v1_2_scaled,
+                v1_3_scaled, t14, v1_1_scaled, t15, t16, t18, t19, t13, v2_1_over_10_lb, t17, a1_1_scaled, a1_2_scaled,
+                a2_3_over_10_lb, a2_2_over_10_lb, t23, a1_3_scaled, t22, t21, t25, t24, a2_1_over_10_lb, t26, t9 + t9,
+                t10, t4 + t4, t2 + t2, A_beta_dot_Omega1, A_l3_2, t30, t31, t28, t32, t33, t29, r_beta_dot, z_Omega1,
+                r_alpha_dot, A_l5_1, z_Omega2, dot_Omega3, A_s4_5_5.recip(), t34, t35, dot_Omega2, dot_Omega1,
             ])
         };
         workspace.0.clear();
@@ -700,106 +714,105 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::ControlledJet<R, 2> for Prepared
                 sum48, sum49, sum50, sum51, sum52, sum53, sum54, sum55, sum56, sum57, sum58, sum59, sum60, sum61, sum62,
                 sum63,
             ] = workspace.3.sums();
-            let [sum64, sum65, sum66, sum67] = workspace.4.sums();
+            let [sum64, sum65, sum66, sum67, sum68] = workspace.4.sums();
             // velocities v in squares m/2 |v|^2
-            let t0 = fma(kept1, alpha, inverse * sum0);
-            let t1 = -fma(kept0, alpha, inverse * sum1);
-            let t2 = fma(kept3, beta, inverse * sum2);
-            let t3 = -fma(kept2, beta, inverse * sum3);
-            let t4 = alpha_dot + Omega3;
-            let t5 = fma(kept0, t4, fma(kept4, t0, sum4));
-            let t6 = fma(kept1, t4, fma(kept4, t1, sum5));
-            let t7 = fma(self.c2, Omega3, t6);
-            let t8 = fma(kept5, t0, fma(kept0, Omega1, sum6)) - fma(kept6, t1, fma(kept7, Omega2, sum7));
-            let t9 = self.c3 * t2;
-            let t10 = self.c1 * t9;
-            let t11 = fma(kept6, t10, fma(kept10, Omega2, sum9)) - fma(kept8, t3, fma(kept9, Omega3, sum8));
-            let t12 = fma(kept11, t2, fma(kept2, beta_dot, sum10));
-            let t13 = fma(kept5, t10, fma(kept10, Omega1, sum11)) + t12;
-            let t14 = fma(kept11, t3, fma(kept3, beta_dot, sum12));
-            let t15 = fma(kept5, t3, fma(kept9, Omega1, sum13)) + t14;
+            let t0 = alpha_dot + Omega3;
+            let t1 = fma(kept1, alpha, inverse * sum0);
+            let t2 = -fma(kept0, alpha, inverse * sum1);
+            let t3 = fma(kept3, beta, inverse * sum2);
+            let t4 = -fma(kept2, beta, inverse * sum3);
+            let t5 = self.c2 * t1;
+            let t6 = fma(kept4, t5, fma(kept5, t0, sum4));
+            let t7 = self.c2 * alpha_dot;
+            let t8 = fma(kept1, t7, fma(kept6, t2, sum5));
+            let t9 = self.c2 * t2;
+            let t10 = fma(kept7, t9, fma(kept8, Omega3, sum6)) + t8;
+            let t11 = fma(kept9, t5, fma(kept5, Omega1, sum7)) - fma(kept10, t9, fma(kept8, Omega2, sum8));
+            let t12 = R::from_f64(0.5) * t3;
+            let t13 = self.c5 * t4;
+            let t14 = self.c7 * t13;
+            let t15 = R::from_f64(2.0) * Omega2;
+            let t16 = fma(kept11, t15, fma(kept12, t12, sum9)) - fma(kept7, t14, fma(kept13, Omega3, sum10));
+            let t17 = fma(kept14, t4, fma(kept3, beta_dot, sum11));
             // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-            let t16 = fma(kept8, t7, fma(kept14, Omega3, sum15)) + fma(kept12, t6, fma(kept13, alpha_dot, sum14)) - fma(kept6, t8, fma(kept15, Omega2, sum16));
-            let t17 = -(fma(kept5, t8, fma(kept15, Omega1, sum18)) + fma(kept4, t5, fma(kept16, t4, sum17)));
-            let t18 = fma(kept12, t1, fma(kept1, alpha_dot, sum19)) + t7;
-            let t19 = fma(kept12, t0, fma(kept0, alpha_dot, sum20)) + t5;
-            let t20 = fma(kept5, t18, fma(kept18, Omega1, sum22)) + fma(kept6, t19, fma(kept17, Omega2, sum21));
-            let t21 = t12 + t13;
-            let t22 = t14 + t15;
-            let t23 = fma(kept8, t21, fma(kept20, Omega3, sum24)) + fma(kept6, t22, fma(kept19, Omega2, sum23));
-            let t24 = beta_dot + Omega1;
-            let t25 = fma(kept5, t15, fma(kept23, Omega1, sum26)) + fma(kept21, t24, fma(kept22, t14, sum25)) - fma(kept8, t11, fma(kept24, Omega3, sum27));
-            let t26 = -(fma(kept5, t13, fma(kept26, Omega1, sum29)) + fma(kept25, t24, fma(kept22, t12, sum28))) - fma(kept6, t11, fma(kept24, Omega2, sum30));
+            let t18 = fma(kept7, t10, fma(kept16, Omega3, sum14)) + fma(kept4, t8, fma(kept15, t0, sum13)) - fma(kept10, t11, fma(kept17, Omega2, sum15));
+            let t19 = fma(kept0, t7, fma(kept6, t1, sum16));
+            let t20 = -(fma(kept7, t6, fma(kept19, Omega3, sum18)) + fma(kept4, t19, fma(kept18, t0, sum17))) - fma(kept9, t11, fma(kept17, Omega1, sum19));
+            let t21 = t8 + t10;
+            let t22 = t19 + t6;
+            let t23 = fma(kept10, t22, fma(kept21, Omega2, sum21)) + fma(kept9, t21, fma(kept20, Omega1, sum20));
+            let t24 = fma(kept14, t3, fma(kept2, beta_dot, sum22));
+            let t25 = R::from_f64(2.0) * (fma(kept9, t12, fma(kept11, Omega1, sum23)) + t24);
+            let t26 = t17 + (fma(kept9, t14, fma(kept13, Omega1, sum12)) + t17);
+            let t27 = fma(kept10, t26, fma(kept23, Omega2, sum25)) + fma(kept7, t25, fma(kept22, Omega3, sum24));
+            let t28 = fma(kept9, t26, fma(kept23, Omega1, sum27)) + fma(kept14, t17, fma(kept24, beta_dot, sum26)) - fma(kept7, t16, fma(kept25, Omega3, sum28));
+            let t29 = -(fma(kept9, t25, fma(kept22, Omega1, sum30)) + fma(kept14, t24, fma(kept26, beta_dot, sum29))) - fma(kept10, t16, fma(kept25, Omega2, sum31));
             // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-            let t27 = self.c6 * t0;
-            let t28 = fma(kept27, t27, fma(kept28, t16, sum31));
-            let t29 = self.c32 * t1;
-            let t30 = fma(-self.ka, alpha, tau1) - fma(kept29, t29, fma(kept30, t17, sum32)) - t28;
-            let t31 = fma(-self.c33, fma(kept3, t26, fma(kept32, t3, sum34)) + fma(kept2, t25, fma(kept31, t2, sum33)), fma(-self.kb, beta, tau2));
-            let t32 = self.c3 * t3;
-            let t33 = self.c7 * Omega3;
-            let t34 = fma(kept33, Omega2, fma(kept6, t33, sum35)) - fma(kept34, t25, fma(kept31, t9, sum36)) - fma(kept35, t27, fma(kept28, t20, sum37)) - fma(kept32, t32, fma(kept36, t26, sum38));
-            let t35 = self.c34 * t1;
-            let t36 = self.c8 * Omega3;
-            let t37 = self.c9 * Omega2;
+            let t30 = fma(kept0, t18, fma(kept27, t1, sum32));
+            let t31 = fma(-self.ka, alpha, tau1) - fma(kept1, t20, fma(kept28, t2, sum33)) - t30;
+            let t32 = fma(-self.c8, fma(kept2, t28, fma(kept30, t3, sum35)) + fma(kept3, t29, fma(kept29, t4, sum34)), fma(-self.kb, beta, tau2));
+            let t33 = self.c38 * t12;
+            let t34 = R::from_f64(0.5) * t13;
+            let t35 = self.c9 * Omega3;
+            let t36 = fma(kept31, Omega2, fma(kept10, t35, sum36)) - fma(kept0, t23, fma(kept32, t1, sum37)) - fma(kept29, t34, fma(kept33, t29, sum38)) - fma(kept30, t33, fma(kept34, t28, sum39));
+            let t37 = self.c0 * t9;
+            let t38 = self.c10 * Omega3;
+            let t39 = self.c11 * Omega2;
             // mass matrix A = W^T L_yy Psi
-            let t38 = fma(R::from_f64(2.5), t3, t2);
-            let t39 = self.c4 * t38;
-            let t40 = fma(kept7, t27, fma(kept28, t1, sum46));
-            let t41 = fma(kept9, t9, fma(kept34, t3, sum49));
+            let t40 = fma(R::from_f64(2.5), t4, t3);
+            let t41 = self.c12 * t40;
+            let t42 = fma(kept0, t9, fma(kept8, t1, sum47));
+            let t43 = fma(kept40, t12, fma(kept11, t13, sum50));
             // factors of A
-            let t42 = self.c2 * t1;
-            let t43 = self.c36 * t39;
-            let t44 = fma(self.c10, t38, fma(kept0, t27, fma(kept28, t0, sum45))) - fma(kept43, t43, fma(kept44, t39, sum52));
-            let t45 = kept45 * fma(-kept46, t44, t40 - sum53);
-            let t46 = fma(kept34, t10, fma(kept10, t9, sum48)) + fma(kept7, t35, fma(kept38, t1, sum47)) - fma(kept47, t45, fma(kept46, t40, sum54));
-            let t47 = kept48 * fma(-kept49, t46, t41 - sum55);
-            let t48 = fma(self.c14, fma(kept42, t1, sum51), fma(self.c12, t3, self.c35 * fma(kept41, t3, sum50))) - fma(kept50, t47, fma(kept49, t41, sum56));
+            let t44 = self.c16 * t2;
+            let t45 = self.c1 * t41;
+            let t46 = fma(self.c13, t40, fma(kept0, t5, fma(kept5, t1, sum46))) - fma(kept43, t45, fma(kept44, t41, sum53));
+            let t47 = kept45 * fma(-kept46, t46, t42 - sum54);
+            let t48 = fma(self.c15, fma(kept39, t12, sum48), fma(kept8, t37, fma(kept36, t9, sum49))) - fma(kept47, t47, fma(kept46, t42, sum55));
+            let t49 = kept48 * fma(-kept49, t48, t43 - sum56);
+            let t50 = fma(self.c18, fma(kept42, t2, sum52), fma(self.c6, t4, self.c39 * fma(kept41, t4, sum51))) - fma(kept50, t49, fma(kept49, t43, sum57));
             // substitution through the factors of A
-            let t49 = t34 - fma(kept51, t43, fma(kept44, t31, sum57));
-            let t50 = fma(kept46, t49, fma(kept52, t45, sum58)) + (fma(kept35, t35, fma(kept38, t20, sum40)) + fma(kept37, Omega1, fma(kept5, t36, sum39)) - fma(kept34, t23, fma(kept39, t9, sum41)));
-            let t51 = fma(kept39, t32, fma(kept36, t23, sum44)) + (fma(kept5, t37, fma(kept40, Omega1, sum42)) - t28 - fma(kept29, t35, fma(kept38, t17, sum43))) - fma(kept53, t42, fma(kept54, t30, sum59));
-            let t52 = kept57 * fma(-kept56, t48, fma(kept49, t50, fma(kept55, t47, sum60)) + t51 - sum61);
-            let t53 = kept48 * fma(-kept58, t46, t50 - sum62);
-            let t54 = fma(kept49, t52, fma(kept56, t47, sum63)) + t53;
-            let t55 = kept45 * fma(-kept59, t44, t49 - sum64);
-            let t56 = fma(kept46, t54, fma(kept60, t45, sum65)) + t55;
-            let t57 = order * alpha;
-            let t58 = order * beta;
+            let t51 = t36 - fma(kept51, t45, fma(kept44, t32, sum58));
+            let t52 = fma(kept46, t51, fma(kept52, t47, sum59)) + (fma(kept32, t37, fma(kept36, t23, sum41)) + fma(kept35, Omega1, fma(kept9, t38, sum40)) - fma(kept37, t33, fma(kept34, t27, sum42)));
+            let t53 = fma(kept37, t34, fma(kept33, t27, sum45)) + (fma(kept9, t39, fma(kept38, Omega1, sum43)) - t30 - fma(kept28, t37, fma(kept36, t20, sum44))) - fma(kept53, t44, fma(kept54, t31, sum60));
+            let t54 = kept57 * fma(-kept56, t50, fma(kept49, t52, fma(kept55, t49, sum61)) + t53 - sum62);
+            let t55 = kept48 * fma(-kept58, t48, t52 - sum63);
+            let t56 = fma(kept49, t54, fma(kept56, t49, sum64)) + t55;
+            let t57 = kept45 * fma(-kept59, t46, t51 - sum65);
+            let t58 = fma(kept46, t56, fma(kept60, t47, sum66)) + t57;
+            let t59 = order * alpha;
+            let t60 = order * beta;
             workspace.0.push(
-                [t57, t57, t58, t58, t0, t1, t0, t1, t3, t10, t2, t10, t3, t3, t6, t7],
-                [
-                    t1, t0, t3, t2, t4, t4, Omega1, Omega2, Omega3, Omega2, beta_dot, Omega1, beta_dot, Omega1, alpha_dot,
-                    Omega3,
-                ],
+                [t59, t59, t60, t60, t0, t2, t9, t5, t9, t12, t14, t4, t14, t0, t10, t11],
+                [t2, t1, t4, t3, t5, t7, Omega3, Omega1, Omega2, t15, Omega3, beta_dot, Omega1, t8, Omega3, Omega2],
             );
             workspace.1.push(
-                [t8, t4, t8, t1, t0, t19, t18, t22, t21, t14, t15, t11, t12, t13, t11, t16],
+                [t1, t0, t6, t11, t21, t22, t3, t12, t25, t26, t17, t26, t16, t24, t25, t16],
                 [
-                    Omega2, t5, Omega1, alpha_dot, alpha_dot, Omega2, Omega1, Omega2, Omega3, t24, Omega1, Omega3, t24,
-                    Omega1, Omega2, t27,
+                    t7, t19, Omega3, Omega1, Omega1, Omega2, beta_dot, Omega1, Omega3, Omega2, beta_dot, Omega1, Omega3,
+                    beta_dot, Omega1, Omega2,
                 ],
             );
             workspace.2.push(
-                [t17, t2, t3, t33, t9, t20, t26, t36, t20, t9, t37, t17, t23, t0, t1, t1],
-                [t29, t25, t26, Omega2, t25, t27, t32, Omega1, t35, t23, Omega1, t35, t32, t27, t27, t35],
+                [t1, t2, t4, t3, t35, t1, t29, t28, t38, t23, t27, t39, t20, t27, t1, t1],
+                [t18, t20, t29, t28, Omega2, t23, t34, t33, Omega1, t37, t33, Omega1, t37, t34, t5, t9],
             );
             workspace.3.push(
-                [t9, t3, t3, t1, t39, t44, t40, t46, t41, t31, t45, t30, t47, t48, t46, t47],
-                [t10, t9, t3, t1, t43, t45, t45, t47, t47, t43, t49, t42, t50, t52, t53, t52],
+                [t12, t9, t12, t4, t2, t41, t46, t42, t48, t43, t32, t47, t31, t49, t50, t48],
+                [t12, t37, t13, t4, t2, t45, t47, t47, t49, t49, t45, t51, t44, t52, t54, t55],
             );
             workspace.4.push(
-                [t44, t45, t43, t42],
-                [t55, t54, t56, t52],
+                [t49, t46, t47, t45, t44],
+                [t54, t57, t56, t58, t54],
             );
             let derivative = [
                 alpha_dot,
                 beta_dot,
-                fma(self.c0, t30, -fma(kept54, t52, fma(kept56, t42, sum67))),
-                fma(self.c37, t31, -fma(kept44, t56, fma(kept61, t43, sum66))),
+                fma(self.c41, t31, -fma(kept54, t54, fma(kept56, t44, sum68))),
+                fma(self.c40, t32, -fma(kept44, t58, fma(kept61, t45, sum67))),
+                t58,
                 t56,
                 t54,
-                t52,
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

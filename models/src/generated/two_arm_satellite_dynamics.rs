@@ -69,7 +69,7 @@ pub const MASS_MATRIX_PATTERN: [(usize, usize); 13] = [(0, 0), (0, 4), (1, 1), (
 ///
 /// Held to its definition at 3 points: 5 functions.
 ///
-/// Function `rhs` has rounding errors of up to 1e4 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `rhs` has rounding errors of up to 3e4 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
 /// # State
 ///
@@ -84,64 +84,60 @@ pub const MASS_MATRIX_PATTERN: [(usize, usize); 13] = [(0, 0), (0, 4), (1, 1), (
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub struct Prepared<R = f64> {
     ka: R, kb: R,
-    c0: R, // (3/5) / la
-    c1: R, // mb * (lb * lb) / (ma * (la * la))
-    c2: R, // (1/5) * mb * lb / (ma * (la * la))
-    c3: R, // ma * (la * la) / (mb * (lb * lb))
-    c4: R, // 0.5 / lb
-    c5: R, // -(ka / (ma * (la * la)))
-    c6: R, // -(kb / (ma * (la * la)))
-    c7: R, // (I2 - I3) / (ma * (la * la))
-    c8: R, // (I3 - I1) / (ma * (la * la))
-    c9: R, // (I1 - I2) / (ma * (la * la))
-    c10: R, // (1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (ma * (la * la))
-    c11: R, // (2/5) * mb * lb / (ma * (la * la))
-    c12: R, // I2 / (ma * (la * la))
-    c13: R, // mb * lb / (ma * (la * la))
-    c14: R, // (1/100) * (100 * I3 + 36 * ma + 25 * mb) / (ma * (la * la))
-    c15: R, // (-9/25) / (la * la)
-    c16: R, // 10 * mb * (lb * lb) / (ma * (la * la))
-    c17: R, // (11/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (ma * (la * la))
-    c18: R, // 6 / la
-    c19: R, // 2 * mb * lb / (ma * (la * la))
-    c20: R, // 11 * I2 / (ma * (la * la))
+    c0: R, // ma * (la * la) / (mb * (lb * lb))
+    c1: R, // (3/5) * ma * la / (mb * (lb * lb))
+    c2: R, // (1/5) / lb
+    c3: R, // 0.5 / lb
+    c4: R, // -(ka / (mb * (lb * lb)))
+    c5: R, // -(kb / (mb * (lb * lb)))
+    c6: R, // (I2 - I3) / (mb * (lb * lb))
+    c7: R, // mb * (lb * lb) / (ma * (la * la))
+    c8: R, // (I3 - I1) / (mb * (lb * lb))
+    c9: R, // (I1 - I2) / (mb * (lb * lb))
+    c10: R, // (2/5) / lb
+    c11: R, // (1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))
+    c12: R, // I2 / (mb * (lb * lb))
+    c13: R, // (3/5) / la
+    c14: R, // 1 / lb
+    c15: R, // (1/100) * (100 * I3 + 36 * ma + 25 * mb) / (mb * (lb * lb))
+    c16: R, // -((9/25) * ma / (mb * (lb * lb)))
+    c17: R, // (11/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))
+    c18: R, // 6 * ma * la / (mb * (lb * lb))
+    c19: R, // 2 / lb
+    c20: R, // 11 * I2 / (mb * (lb * lb))
     c21: R, // 5 / lb
-    c22: R, // 12 * mb * (lb * lb) / (ma * (la * la))
-    c23: R, // (3/25) * (100 * I3 + 36 * ma + 25 * mb) / (ma * (la * la))
-    c24: R, // (108/25) / (la * la)
-    c25: R, // ma * (la * la)
-    c26: R, // mb * (lb * lb)
-    c27: R, // (3/5) * ma * la
-    c28: R, // (1/5) * mb * lb
-    c29: R, // (2/5) * mb * lb
-    c30: R, // I1 + (1/100) * mb * (29 + 100 * (lb * lb))
-    c31: R, // (6/5) * ma * la
-    c32: R, // I2 + (9/25) * ma + (1/25) * mb
-    c33: R, // -0.5 * mb * lb
-    c34: R, // (1/10) * mb
-    c35: R, // I3 + 0.25 * mb + (1/25) * ma * (9 + 25 * (la * la))
-    c36: R, // mb * lb
-    c37: R, // 2 * lb
-    c38: R, // 5 * lb
-    c39: R, // (-1/100) * (100 * I2 - 100 * I3 - 21 * mb)
-    c40: R, // (1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))
-    c41: R, // (5/6) / (ma * la)
-    c42: R, // (1/25) * (25 * I2 + 9 * ma + mb)
-    c43: R, // (1/25) * (25 * I1 - 25 * I3 - 9 * ma + mb)
-    c44: R, // (1/100) * (100 * I1 - 100 * I2 - 36 * ma + 25 * mb)
-    c45: R, // 10 * lb
-    c46: R, // (1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))
-    c47: R, // mb * (lb * lb) / (ma * (la * la))
-    c48: R, // mb * (lb * lb) / (ma * (la * la))
-    c49: R, // ma * (la * la) / (mb * (lb * lb))
-    c50: R, // ma * (la * la) / (mb * (lb * lb))
+    c22: R, // (3/25) * (100 * I3 + 36 * ma + 25 * mb) / (mb * (lb * lb))
+    c23: R, // (108/25) * ma / (mb * (lb * lb))
+    c24: R, // ma * (la * la)
+    c25: R, // mb * (lb * lb)
+    c26: R, // (3/5) * ma * la
+    c27: R, // (1/5) * mb * lb
+    c28: R, // (2/5) * mb * lb
+    c29: R, // I1 + (1/100) * mb * (29 + 100 * (lb * lb))
+    c30: R, // (6/5) * ma * la
+    c31: R, // I2 + (9/25) * ma + (1/25) * mb
+    c32: R, // -0.5 * mb * lb
+    c33: R, // (1/10) * mb
+    c34: R, // I3 + 0.25 * mb + (1/25) * ma * (9 + 25 * (la * la))
+    c35: R, // mb * lb
+    c36: R, // 2 * lb
+    c37: R, // 5 * lb
+    c38: R, // (-1/100) * (100 * I2 - 100 * I3 - 21 * mb)
+    c39: R, // (1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))
+    c40: R, // (5/6) / (ma * la)
+    c41: R, // (1/25) * (25 * I2 + 9 * ma + mb)
+    c42: R, // (1/25) * (25 * I1 - 25 * I3 - 9 * ma + mb)
+    c43: R, // (1/100) * (100 * I1 - 100 * I2 - 36 * ma + 25 * mb)
+    c44: R, // 10 * lb
+    c45: R, // (1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))
+    c46: R, // mb * (lb * lb) / (ma * (la * la))
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 25 additions, 58 multiplications, 26 divisions, 2 sign changes.
+    /// Operations: 25 additions, 55 multiplications, 25 divisions, 3 sign changes.
     ///
     /// # Errors
     ///
@@ -149,26 +145,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         INFO.require_finite(&params.to_array())?;
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
-        let t0 = lb * lb;
-        let t1 = mb * t0;
-        let t2 = la * la;
-        let t3 = ma * t2;
-        let t4 = t1 / t3;
-        let t5 = R::ratio(1.0, 5.0) * mb * lb;
-        let t6 = t3 / t1;
-        let t7 = R::ratio(2.0, 5.0) * mb * lb;
-        let t8 = R::from_f64(100.0) * I1;
-        let t9 = R::from_f64(29.0) + R::from_f64(100.0) * t0;
-        let t10 = t8 + mb * t9;
-        let t11 = R::ratio(1.0, 100.0) * t10;
-        let t12 = mb * lb;
-        let t13 = R::from_f64(100.0) * I3;
-        let t14 = R::from_f64(36.0) * ma;
-        let t15 = R::from_f64(25.0) * mb;
-        let t16 = t13 + t14 + t15;
-        let t17 = R::from_f64(9.0) + R::from_f64(25.0) * t2;
-        let t18 = R::from_f64(100.0) * I2;
-        let t19 = R::from_f64(9.0) * ma;
+        let t0 = la * la;
+        let t1 = ma * t0;
+        let t2 = lb * lb;
+        let t3 = mb * t2;
+        let t4 = R::ratio(3.0, 5.0) * ma * la;
+        let t5 = t3 / t1;
+        let t6 = R::from_f64(100.0) * I1;
+        let t7 = R::from_f64(29.0) + R::from_f64(100.0) * t2;
+        let t8 = t6 + mb * t7;
+        let t9 = R::ratio(1.0, 100.0) * t8;
+        let t10 = R::ratio(9.0, 25.0) * ma;
+        let t11 = R::from_f64(100.0) * I3;
+        let t12 = R::from_f64(36.0) * ma;
+        let t13 = R::from_f64(25.0) * mb;
+        let t14 = t11 + t12 + t13;
+        let t15 = R::from_f64(9.0) + R::from_f64(25.0) * t0;
+        let t16 = R::from_f64(100.0) * I2;
+        let t17 = R::from_f64(9.0) * ma;
         ::hamel_runtime::ParamError::require(I1.all_gt(R::ZERO), "I1 > 0", "")?;
         ::hamel_runtime::ParamError::require(I2.all_gt(R::ZERO), "I2 > 0", "")?;
         ::hamel_runtime::ParamError::require(I3.all_gt(R::ZERO), "I3 > 0", "")?;
@@ -177,39 +171,37 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ::hamel_runtime::ParamError::require(mb.all_gt(R::ZERO), "mb > 0", "")?;
         ::hamel_runtime::ParamError::require(lb.all_gt(R::ZERO), "lb > 0", "")?;
         Ok(Self {
-            ka, kb, c0: R::ratio(3.0, 5.0) / la, c1: t4, c2: t5 / t3, c3: t6, c4: R::from_f64(0.5) / lb,
-            c5: -(ka / t3), c6: -(kb / t3), c7: (I2 - I3) / t3, c8: (I3 - I1) / t3, c9: (I1 - I2) / t3, c10: t11 / t3,
-            c11: t7 / t3, c12: I2 / t3, c13: t12 / t3,
-            c14: R::ratio(1.0, 100.0) * t16 / t3,
-            c15: R::ratio(-9.0, 25.0) / t2,
-            c16: R::from_f64(10.0) * mb * t0 / t3,
-            c17: R::ratio(11.0, 100.0) * t10 / t3,
-            c18: R::from_f64(6.0) / la,
-            c19: R::from_f64(2.0) * mb * lb / t3,
+            ka, kb, c0: t1 / t3, c1: t4 / t3, c2: R::ratio(1.0, 5.0) / lb, c3: R::from_f64(0.5) / lb, c4: -(ka / t3),
+            c5: -(kb / t3), c6: (I2 - I3) / t3, c7: t5, c8: (I3 - I1) / t3, c9: (I1 - I2) / t3,
+            c10: R::ratio(2.0, 5.0) / lb, c11: t9 / t3, c12: I2 / t3, c13: R::ratio(3.0, 5.0) / la, c14: lb.recip(),
+            c15: R::ratio(1.0, 100.0) * t14 / t3,
+            c16: -(t10 / t3),
+            c17: R::ratio(11.0, 100.0) * t8 / t3,
+            c18: R::from_f64(6.0) * ma * la / t3,
+            c19: R::from_f64(2.0) / lb,
             c20: R::from_f64(11.0) * I2 / t3,
             c21: R::from_f64(5.0) / lb,
-            c22: R::from_f64(12.0) * mb * t0 / t3,
-            c23: R::ratio(3.0, 25.0) * t16 / t3,
-            c24: R::ratio(108.0, 25.0) / t2,
-            c25: t3, c26: t1,
-            c27: R::ratio(3.0, 5.0) * ma * la,
-            c28: t5, c29: t7,
-            c30: I1 + R::ratio(1.0, 100.0) * mb * t9,
-            c31: R::ratio(6.0, 5.0) * ma * la,
-            c32: I2 + R::ratio(9.0, 25.0) * ma + R::ratio(1.0, 25.0) * mb,
-            c33: R::from_f64(-0.5) * mb * lb,
-            c34: R::ratio(1.0, 10.0) * mb,
-            c35: I3 + R::from_f64(0.25) * mb + R::ratio(1.0, 25.0) * ma * t17,
-            c36: t12, c37: R::from_f64(2.0) * lb, c38: R::from_f64(5.0) * lb,
-            c39: R::ratio(-1.0, 100.0) * (t18 - t13 - R::from_f64(21.0) * mb),
-            c40: t11,
-            c41: R::ratio(5.0, 6.0) / (ma * la),
-            c42: R::ratio(1.0, 25.0) * (R::from_f64(25.0) * I2 + t19 + mb),
-            c43: R::ratio(1.0, 25.0) * (R::from_f64(25.0) * I1 - R::from_f64(25.0) * I3 - t19 + mb),
-            c44: R::ratio(1.0, 100.0) * (t8 - t18 - t14 + t15),
-            c45: R::from_f64(10.0) * lb,
-            c46: R::ratio(1.0, 100.0) * (t13 + t15 + R::from_f64(4.0) * ma * t17),
-            c47: t4, c48: t4, c49: t6, c50: t6,
+            c22: R::ratio(3.0, 25.0) * t14 / t3,
+            c23: R::ratio(108.0, 25.0) * ma / t3,
+            c24: t1, c25: t3, c26: t4,
+            c27: R::ratio(1.0, 5.0) * mb * lb,
+            c28: R::ratio(2.0, 5.0) * mb * lb,
+            c29: I1 + R::ratio(1.0, 100.0) * mb * t7,
+            c30: R::ratio(6.0, 5.0) * ma * la,
+            c31: I2 + t10 + R::ratio(1.0, 25.0) * mb,
+            c32: R::from_f64(-0.5) * mb * lb,
+            c33: R::ratio(1.0, 10.0) * mb,
+            c34: I3 + R::from_f64(0.25) * mb + R::ratio(1.0, 25.0) * ma * t15,
+            c35: mb * lb, c36: R::from_f64(2.0) * lb, c37: R::from_f64(5.0) * lb,
+            c38: R::ratio(-1.0, 100.0) * (t16 - t11 - R::from_f64(21.0) * mb),
+            c39: t9,
+            c40: R::ratio(5.0, 6.0) / (ma * la),
+            c41: R::ratio(1.0, 25.0) * (R::from_f64(25.0) * I2 + t17 + mb),
+            c42: R::ratio(1.0, 25.0) * (R::from_f64(25.0) * I1 - R::from_f64(25.0) * I3 - t17 + mb),
+            c43: R::ratio(1.0, 100.0) * (t6 - t16 - t12 + t13),
+            c44: R::from_f64(10.0) * lb,
+            c45: R::ratio(1.0, 100.0) * (t11 + t13 + R::from_f64(4.0) * ma * t15),
+            c46: t5,
         })
     }
 
@@ -221,70 +213,71 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain two_arm_satellite
     /// ```
     ///
-    /// Operations: 56 additions, 82 multiplications (50 fused), 3 divisions, 2 elementary functions.
+    /// Operations: 57 additions, 80 multiplications (49 fused), 3 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         // velocities v in squares m/2 |v|^2
-        let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-        let t4 = alpha_dot + Omega3;
-        let v1_1_over_5_la = t0 * t4;
-        let t5 = t1 * t4;
-        let v1_2_over_5_la = fma(Omega3, self.c0, t5);
-        let t6 = self.c0 + t1;
-        let v1_3_over_5_la = fma(-Omega2, t6, Omega1 * t0);
-        let t7 = fma(t2, self.c1, self.c2);
-        let t8 = self.c3 * t7;
-        let t9 = self.c4 + t3;
-        let v2_1_over_10_lb = fma(Omega2, t8, -(Omega3 * t9));
-        let t10 = beta_dot * t2;
-        let v2_2_over_10_lb = fma(Omega1, t8, t10);
+        let t0 = alpha_dot + Omega3;
+        let ([t1, t3], [t2, t4]) = alpha.sin_cos_of_two(beta);
+        let t5 = self.c0 * t1;
+        let v1_1_scaled = t0 * t5;
+        let t6 = self.c0 * alpha_dot;
+        let t7 = t2 * t6;
+        let t8 = fma(t2, self.c0, self.c1);
+        let v1_2_scaled = fma(Omega3, t8, t7);
+        let v1_3_scaled = fma(-Omega2, t8, Omega1 * t5);
+        let t9 = self.c2 + t3;
+        let t10 = self.c3 + t4;
+        let v2_1_over_10_lb = fma(-Omega3, t10, Omega2 * t9);
         let t11 = beta_dot * t3;
-        let v2_3_over_10_lb = fma(Omega1, t9, t11);
+        let v2_2_over_10_lb = fma(Omega1, t9, t11);
+        let t12 = beta_dot * t4;
+        let v2_3_over_10_lb = fma(Omega1, t10, t12);
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let a1_1_over_5_la = fma(-Omega2, v1_3_over_5_la, fma(Omega3, v1_2_over_5_la, alpha_dot * t5));
-        let a1_2_over_5_la = fma(-Omega1, v1_3_over_5_la, -(t4 * v1_1_over_5_la));
-        let a1_3_over_5_la = fma(Omega1, fma(alpha_dot, t1, v1_2_over_5_la), Omega2 * fma(alpha_dot, t0, v1_1_over_5_la));
-        let a2_1_over_10_lb = fma(Omega3, t10 + v2_2_over_10_lb, Omega2 * (t11 + v2_3_over_10_lb));
-        let t12 = beta_dot + Omega1;
-        let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, v2_3_over_10_lb, t11 * t12));
-        let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, v2_2_over_10_lb, -(t10 * t12)));
+        let a1_1_scaled = fma(-Omega2, v1_3_scaled, fma(Omega3, v1_2_scaled, t0 * t7));
+        let t13 = t1 * t6;
+        let a1_2_scaled = fma(-Omega1, v1_3_scaled, fma(-Omega3, v1_1_scaled, -(t0 * t13)));
+        let a1_3_scaled = fma(Omega2, t13 + v1_1_scaled, Omega1 * (t7 + v1_2_scaled));
+        let a2_1_over_10_lb = fma(Omega2, t12 + v2_3_over_10_lb, Omega3 * (t11 + v2_2_over_10_lb));
+        let t14 = beta_dot + Omega1;
+        let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, v2_3_over_10_lb, t12 * t14));
+        let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, v2_2_over_10_lb, -(t11 * t14)));
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t13 = t0 * a1_1_over_5_la;
-        let r_alpha_dot_over_ma_la2 = fma(-t1, a1_2_over_5_la, fma(alpha, self.c5, -t13));
-        let r_beta_dot_over_ma_la2 = fma(-self.c47, fma(t3, a2_3_over_10_lb, t2 * a2_2_over_10_lb), self.c6 * beta);
-        let t14 = self.c1 * t9;
-        let r_Omega1_over_ma_la2 = fma(-a2_3_over_10_lb, t14, fma(-t7, a2_2_over_10_lb, fma(-t0, a1_3_over_5_la, self.c7 * Omega3 * Omega2)));
-        let r_Omega2_over_ma_la2 = fma(-t7, a2_1_over_10_lb, fma(t6, a1_3_over_5_la, self.c8 * Omega3 * Omega1));
-        let r_Omega3_over_ma_la2 = fma(a2_1_over_10_lb, t14, fma(-t6, a1_2_over_5_la, fma(Omega1, self.c9 * Omega2, -t13)));
+        let t15 = t1 * a1_1_scaled;
+        let r_alpha_dot_over_mb_lb2 = fma(-t2, a1_2_scaled, fma(alpha, self.c4, -t15));
+        let r_beta_dot_over_mb_lb2 = fma(-t4, a2_3_over_10_lb, fma(-t3, a2_2_over_10_lb, self.c5 * beta));
+        let r_Omega1_over_mb_lb2 = fma(-t1, a1_3_scaled, fma(-t10, a2_3_over_10_lb, fma(-t9, a2_2_over_10_lb, self.c6 * Omega3 * Omega2)));
+        let t16 = self.c7 * t8;
+        let r_Omega2_over_mb_lb2 = fma(-t9, a2_1_over_10_lb, fma(a1_3_scaled, t16, self.c8 * Omega3 * Omega1));
+        let r_Omega3_over_mb_lb2 = fma(t10, a2_1_over_10_lb, fma(-a1_2_scaled, t16, fma(Omega1, self.c9 * Omega2, -t15)));
         // mass matrix A = W^T L_yy Psi
-        let t15 = fma(t3, R::from_f64(2.5), t2);
-        let A_beta_dot_Omega1_over_ma_la2 = fma(t15, self.c2, self.c1);
-        let A_Omega1_Omega1_over_ma_la2 = fma(t15, self.c11, fma(t0, t0, self.c10));
-        let t16 = t0 * t6;
-        let A_Omega2_Omega2_over_ma_la2 = fma(t7, t8, fma(t6, t6, self.c12));
-        let t17 = t9 * t7;
+        let t17 = fma(t4, R::from_f64(2.5), t3);
+        let A_beta_dot_Omega1_over_mb_lb2 = fma(t17, self.c2, R::ONE);
+        let A_Omega1_Omega1_over_mb_lb2 = fma(t1, t5, fma(t17, self.c10, self.c11));
+        let t18 = t1 * t8;
+        let A_Omega2_Omega2_over_mb_lb2 = fma(t8, t16, fma(t9, t9, self.c12));
+        let t19 = t10 * t9;
         // factors of A
-        let A_l5_1 = fma(t1, self.c0, R::ONE);
-        let A_s1_5_5_over_ma_la2 = fma(self.c15, t1 * t1, fma(self.c48, t3 * t3, fma(t3, self.c13, self.c14)));
-        let A_l3_2 = self.c49 * A_beta_dot_Omega1_over_ma_la2;
-        let A_s2_3_3_over_ma_la2 = fma(-A_beta_dot_Omega1_over_ma_la2, A_l3_2, A_Omega1_Omega1_over_ma_la2);
-        let t18 = A_s2_3_3_over_ma_la2.recip();
-        let t19 = t16 * t18;
-        let A_s3_4_4_over_ma_la2 = fma(-t16, t19, A_Omega2_Omega2_over_ma_la2);
-        let t20 = A_s3_4_4_over_ma_la2.recip();
-        let t21 = t17 * t20;
-        let A_s4_5_5_over_ma_la2 = fma(-t17, t21, A_s1_5_5_over_ma_la2);
+        let A_l5_1 = fma(t2, self.c13, R::ONE);
+        let A_s1_5_5_over_mb_lb2 = fma(self.c16, t2 * t2, fma(t4, t4, fma(t4, self.c14, self.c15)));
+        let A_s2_3_3_over_mb_lb2 = fma(-A_beta_dot_Omega1_over_mb_lb2, A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
+        let t20 = A_s2_3_3_over_mb_lb2.recip();
+        let t21 = t18 * t20;
+        let A_s3_4_4_over_mb_lb2 = fma(-t18, t21, A_Omega2_Omega2_over_mb_lb2);
+        let t22 = A_s3_4_4_over_mb_lb2.recip();
+        let t23 = t19 * t22;
+        let A_s4_5_5_over_mb_lb2 = fma(-t19, t23, A_s1_5_5_over_mb_lb2);
         // substitution through the factors of A
-        let z_Omega1_over_ma_la2 = fma(-r_beta_dot_over_ma_la2, A_l3_2, r_Omega1_over_ma_la2);
-        let z_Omega2_over_ma_la2 = fma(t19, z_Omega1_over_ma_la2, r_Omega2_over_ma_la2);
-        let z_Omega3_over_ma_la2 = fma(t21, z_Omega2_over_ma_la2, fma(-r_alpha_dot_over_ma_la2, A_l5_1, r_Omega3_over_ma_la2));
-        let dot_Omega3 = z_Omega3_over_ma_la2 / A_s4_5_5_over_ma_la2;
-        let dot_Omega2 = fma(t21, dot_Omega3, z_Omega2_over_ma_la2 * t20);
-        let dot_Omega1 = fma(t19, dot_Omega2, z_Omega1_over_ma_la2 * t18);
-        let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c50 * r_beta_dot_over_ma_la2);
-        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, r_alpha_dot_over_ma_la2);
+        let z_Omega1_over_mb_lb2 = fma(-r_beta_dot_over_mb_lb2, A_beta_dot_Omega1_over_mb_lb2, r_Omega1_over_mb_lb2);
+        let z_Omega2_over_mb_lb2 = fma(t21, z_Omega1_over_mb_lb2, r_Omega2_over_mb_lb2);
+        let z_Omega3_over_mb_lb2 = fma(t23, z_Omega2_over_mb_lb2, fma(-r_alpha_dot_over_mb_lb2, A_l5_1, r_Omega3_over_mb_lb2));
+        let dot_Omega3 = z_Omega3_over_mb_lb2 / A_s4_5_5_over_mb_lb2;
+        let dot_Omega2 = fma(t23, dot_Omega3, z_Omega2_over_mb_lb2 * t22);
+        let dot_Omega1 = fma(t21, dot_Omega2, z_Omega1_over_mb_lb2 * t20);
+        let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mb_lb2, dot_Omega1, r_beta_dot_over_mb_lb2);
+        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c46 * r_alpha_dot_over_mb_lb2);
         *dy = [alpha_dot, beta_dot, dot_alpha_dot, dot_beta_dot, dot_Omega1, dot_Omega2, dot_Omega3];
     }
 
@@ -297,69 +290,70 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      cos_beta, sin_beta]
     /// ```
     ///
-    /// Operations: 56 additions, 86 multiplications (50 fused), 3 divisions, 2 sign changes.
+    /// Operations: 57 additions, 84 multiplications (49 fused), 3 divisions, 2 sign changes.
     #[inline]
     pub fn rhs_on_circles(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, cos_alpha, sin_alpha, cos_beta, sin_beta] = *y;
         let _ = t;
         // velocities v in squares m/2 |v|^2
         let t0 = alpha_dot + Omega3;
-        let v1_1_over_5_la = sin_alpha * t0;
-        let t1 = cos_alpha * t0;
-        let v1_2_over_5_la = fma(Omega3, self.c0, t1);
-        let t2 = self.c0 + cos_alpha;
-        let v1_3_over_5_la = fma(-Omega2, t2, Omega1 * sin_alpha);
-        let t3 = fma(sin_beta, self.c1, self.c2);
-        let t4 = self.c3 * t3;
-        let t5 = self.c4 + cos_beta;
-        let v2_1_over_10_lb = fma(Omega2, t4, -(Omega3 * t5));
-        let t6 = beta_dot * sin_beta;
-        let v2_2_over_10_lb = fma(Omega1, t4, t6);
-        let t7 = beta_dot * cos_beta;
-        let v2_3_over_10_lb = fma(Omega1, t5, t7);
+        let t1 = self.c0 * sin_alpha;
+        let v1_1_scaled = t0 * t1;
+        let t2 = self.c0 * alpha_dot;
+        let t3 = cos_alpha * t2;
+        let t4 = fma(cos_alpha, self.c0, self.c1);
+        let v1_2_scaled = fma(Omega3, t4, t3);
+        let v1_3_scaled = fma(-Omega2, t4, Omega1 * t1);
+        let t5 = self.c2 + sin_beta;
+        let t6 = self.c3 + cos_beta;
+        let v2_1_over_10_lb = fma(-Omega3, t6, Omega2 * t5);
+        let t7 = beta_dot * sin_beta;
+        let v2_2_over_10_lb = fma(Omega1, t5, t7);
+        let t8 = beta_dot * cos_beta;
+        let v2_3_over_10_lb = fma(Omega1, t6, t8);
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let a1_1_over_5_la = fma(-Omega2, v1_3_over_5_la, fma(Omega3, v1_2_over_5_la, alpha_dot * t1));
-        let a1_2_over_5_la = fma(-Omega1, v1_3_over_5_la, -(t0 * v1_1_over_5_la));
-        let a1_3_over_5_la = fma(Omega1, fma(alpha_dot, cos_alpha, v1_2_over_5_la), Omega2 * fma(alpha_dot, sin_alpha, v1_1_over_5_la));
-        let a2_1_over_10_lb = fma(Omega3, t6 + v2_2_over_10_lb, Omega2 * (t7 + v2_3_over_10_lb));
-        let t8 = beta_dot + Omega1;
-        let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, v2_3_over_10_lb, t7 * t8));
-        let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, v2_2_over_10_lb, -(t6 * t8)));
+        let a1_1_scaled = fma(-Omega2, v1_3_scaled, fma(Omega3, v1_2_scaled, t0 * t3));
+        let t9 = sin_alpha * t2;
+        let a1_2_scaled = fma(-Omega1, v1_3_scaled, fma(-Omega3, v1_1_scaled, -(t0 * t9)));
+        let a1_3_scaled = fma(Omega2, t9 + v1_1_scaled, Omega1 * (t3 + v1_2_scaled));
+        let a2_1_over_10_lb = fma(Omega2, t8 + v2_3_over_10_lb, Omega3 * (t7 + v2_2_over_10_lb));
+        let t10 = beta_dot + Omega1;
+        let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, v2_3_over_10_lb, t8 * t10));
+        let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, v2_2_over_10_lb, -(t7 * t10)));
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t9 = sin_alpha * a1_1_over_5_la;
-        let r_alpha_dot_over_ma_la2 = fma(-cos_alpha, a1_2_over_5_la, fma(alpha, self.c5, -t9));
-        let r_beta_dot_over_ma_la2 = fma(-self.c47, fma(cos_beta, a2_3_over_10_lb, sin_beta * a2_2_over_10_lb), self.c6 * beta);
-        let t10 = self.c1 * t5;
-        let r_Omega1_over_ma_la2 = fma(-a2_3_over_10_lb, t10, fma(-t3, a2_2_over_10_lb, fma(-sin_alpha, a1_3_over_5_la, self.c7 * Omega3 * Omega2)));
-        let r_Omega2_over_ma_la2 = fma(-t3, a2_1_over_10_lb, fma(t2, a1_3_over_5_la, self.c8 * Omega3 * Omega1));
-        let r_Omega3_over_ma_la2 = fma(a2_1_over_10_lb, t10, fma(-t2, a1_2_over_5_la, fma(Omega1, self.c9 * Omega2, -t9)));
+        let t11 = sin_alpha * a1_1_scaled;
+        let r_alpha_dot_over_mb_lb2 = fma(-cos_alpha, a1_2_scaled, fma(alpha, self.c4, -t11));
+        let r_beta_dot_over_mb_lb2 = fma(-cos_beta, a2_3_over_10_lb, fma(-sin_beta, a2_2_over_10_lb, self.c5 * beta));
+        let r_Omega1_over_mb_lb2 = fma(-sin_alpha, a1_3_scaled, fma(-t6, a2_3_over_10_lb, fma(-t5, a2_2_over_10_lb, self.c6 * Omega3 * Omega2)));
+        let t12 = self.c7 * t4;
+        let r_Omega2_over_mb_lb2 = fma(-t5, a2_1_over_10_lb, fma(a1_3_scaled, t12, self.c8 * Omega3 * Omega1));
+        let r_Omega3_over_mb_lb2 = fma(t6, a2_1_over_10_lb, fma(-a1_2_scaled, t12, fma(Omega1, self.c9 * Omega2, -t11)));
         // mass matrix A = W^T L_yy Psi
-        let t11 = fma(cos_beta, R::from_f64(2.5), sin_beta);
-        let A_beta_dot_Omega1_over_ma_la2 = fma(t11, self.c2, self.c1);
-        let A_Omega1_Omega1_over_ma_la2 = fma(t11, self.c11, fma(sin_alpha, sin_alpha, self.c10));
-        let t12 = sin_alpha * t2;
-        let A_Omega2_Omega2_over_ma_la2 = fma(t3, t4, fma(t2, t2, self.c12));
-        let t13 = t5 * t3;
+        let t13 = fma(cos_beta, R::from_f64(2.5), sin_beta);
+        let A_beta_dot_Omega1_over_mb_lb2 = fma(t13, self.c2, R::ONE);
+        let A_Omega1_Omega1_over_mb_lb2 = fma(sin_alpha, t1, fma(t13, self.c10, self.c11));
+        let t14 = sin_alpha * t4;
+        let A_Omega2_Omega2_over_mb_lb2 = fma(t4, t12, fma(t5, t5, self.c12));
+        let t15 = t6 * t5;
         // factors of A
-        let A_l5_1 = fma(cos_alpha, self.c0, R::ONE);
-        let A_s1_5_5_over_ma_la2 = fma(self.c15, cos_alpha * cos_alpha, fma(self.c48, cos_beta * cos_beta, fma(cos_beta, self.c13, self.c14)));
-        let A_l3_2 = self.c49 * A_beta_dot_Omega1_over_ma_la2;
-        let A_s2_3_3_over_ma_la2 = fma(-A_beta_dot_Omega1_over_ma_la2, A_l3_2, A_Omega1_Omega1_over_ma_la2);
-        let t14 = A_s2_3_3_over_ma_la2.recip();
-        let t15 = t12 * t14;
-        let A_s3_4_4_over_ma_la2 = fma(-t12, t15, A_Omega2_Omega2_over_ma_la2);
-        let t16 = A_s3_4_4_over_ma_la2.recip();
-        let t17 = t13 * t16;
-        let A_s4_5_5_over_ma_la2 = fma(-t13, t17, A_s1_5_5_over_ma_la2);
+        let A_l5_1 = fma(cos_alpha, self.c13, R::ONE);
+        let A_s1_5_5_over_mb_lb2 = fma(self.c16, cos_alpha * cos_alpha, fma(cos_beta, cos_beta, fma(cos_beta, self.c14, self.c15)));
+        let A_s2_3_3_over_mb_lb2 = fma(-A_beta_dot_Omega1_over_mb_lb2, A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
+        let t16 = A_s2_3_3_over_mb_lb2.recip();
+        let t17 = t14 * t16;
+        let A_s3_4_4_over_mb_lb2 = fma(-t14, t17, A_Omega2_Omega2_over_mb_lb2);
+        let t18 = A_s3_4_4_over_mb_lb2.recip();
+        let t19 = t15 * t18;
+        let A_s4_5_5_over_mb_lb2 = fma(-t15, t19, A_s1_5_5_over_mb_lb2);
         // substitution through the factors of A
-        let z_Omega1_over_ma_la2 = fma(-r_beta_dot_over_ma_la2, A_l3_2, r_Omega1_over_ma_la2);
-        let z_Omega2_over_ma_la2 = fma(t15, z_Omega1_over_ma_la2, r_Omega2_over_ma_la2);
-        let z_Omega3_over_ma_la2 = fma(t17, z_Omega2_over_ma_la2, fma(-r_alpha_dot_over_ma_la2, A_l5_1, r_Omega3_over_ma_la2));
-        let dot_Omega3 = z_Omega3_over_ma_la2 / A_s4_5_5_over_ma_la2;
-        let dot_Omega2 = fma(t17, dot_Omega3, z_Omega2_over_ma_la2 * t16);
-        let dot_Omega1 = fma(t15, dot_Omega2, z_Omega1_over_ma_la2 * t14);
-        let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c50 * r_beta_dot_over_ma_la2);
-        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, r_alpha_dot_over_ma_la2);
+        let z_Omega1_over_mb_lb2 = fma(-r_beta_dot_over_mb_lb2, A_beta_dot_Omega1_over_mb_lb2, r_Omega1_over_mb_lb2);
+        let z_Omega2_over_mb_lb2 = fma(t17, z_Omega1_over_mb_lb2, r_Omega2_over_mb_lb2);
+        let z_Omega3_over_mb_lb2 = fma(t19, z_Omega2_over_mb_lb2, fma(-r_alpha_dot_over_mb_lb2, A_l5_1, r_Omega3_over_mb_lb2));
+        let dot_Omega3 = z_Omega3_over_mb_lb2 / A_s4_5_5_over_mb_lb2;
+        let dot_Omega2 = fma(t19, dot_Omega3, z_Omega2_over_mb_lb2 * t18);
+        let dot_Omega1 = fma(t17, dot_Omega2, z_Omega1_over_mb_lb2 * t16);
+        let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mb_lb2, dot_Omega1, r_beta_dot_over_mb_lb2);
+        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c46 * r_alpha_dot_over_mb_lb2);
         let dot_cos_alpha = -(sin_alpha * alpha_dot);
         let dot_sin_alpha = cos_alpha * alpha_dot;
         let dot_cos_beta = -(sin_beta * beta_dot);
@@ -404,27 +398,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, _, _, _, _, _] = *y;
         let _ = t;
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-        let t4 = fma(t1, self.c27, self.c25);
+        let t4 = fma(t1, self.c26, self.c24);
         let t5 = fma(t3, R::from_f64(2.5), t2);
-        let t6 = fma(t5, self.c28, self.c26);
-        let t7 = self.c25 * t0;
-        let t8 = fma(-t1, t7, -(self.c27 * t0));
-        let t9 = self.c26 * t3;
-        let t10 = fma(-t2, t9, fma(-t3, self.c28, fma(t2, self.c33, -self.c34)));
+        let t6 = fma(t5, self.c27, self.c25);
+        let t7 = self.c24 * t0;
+        let t8 = fma(-t1, t7, -(self.c26 * t0));
+        let t9 = self.c25 * t3;
+        let t10 = fma(-t2, t9, fma(-t3, self.c27, fma(t2, self.c32, -self.c33)));
         [
+            self.c24,
+            t4,
             self.c25,
-            t4,
-            self.c26,
             t6,
             t6,
-            fma(t0, t7, fma(t5, self.c29, self.c30)),
+            fma(t0, t7, fma(t5, self.c28, self.c29)),
             t8,
             t8,
-            fma(self.c26, t2 * t2, fma(self.c25, t1 * t1, fma(t2, self.c29, fma(t1, self.c31, self.c32)))),
+            fma(self.c25, t2 * t2, fma(self.c24, t1 * t1, fma(t2, self.c28, fma(t1, self.c30, self.c31)))),
             t10,
             t4,
             t10,
-            fma(t3, t9, fma(t3, self.c36, fma(t1, self.c31, self.c35))),
+            fma(t3, t9, fma(t3, self.c35, fma(t1, self.c30, self.c34))),
         ]
     }
 
@@ -456,45 +450,45 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
         let t4 = Omega1 * t1;
         let t5 = fma(Omega2, t0, t4);
-        let t6 = self.c25 * fma(-t5, fma(-Omega2, t1, Omega1 * t0), given_dot_alpha_dot);
-        let t7 = self.c27 * t0;
+        let t6 = self.c24 * fma(-t5, fma(-Omega2, t1, Omega1 * t0), given_dot_alpha_dot);
+        let t7 = self.c26 * t0;
         let t8 = t1 * given_dot_Omega3;
         let t9 = fma(t3, R::from_f64(2.5), t2);
-        let t10 = fma(t9, self.c28, self.c26);
+        let t10 = fma(t9, self.c27, self.c25);
         let t11 = fma(-t3, R::ratio(2.0, 5.0), t2);
         let t12 = Omega3 * t2;
         let t13 = Omega2 * t3;
         let t14 = t12 + t13;
-        let t15 = fma(t3, self.c37, R::ONE);
-        let t16 = self.c38 * t2;
+        let t15 = fma(t3, self.c36, R::ONE);
+        let t16 = self.c37 * t2;
         let t17 = R::ONE + t16;
-        let t18 = self.c26 * t3;
-        let t19 = fma(t17, self.c4, t3);
-        let t20 = fma(self.c28, fma(Omega3, t19, R::from_f64(5.0) * t13), fma(t14, t18, Omega1 * t7));
+        let t18 = self.c25 * t3;
+        let t19 = fma(t17, self.c3, t3);
+        let t20 = fma(self.c27, fma(Omega3, t19, R::from_f64(5.0) * t13), fma(t14, t18, Omega1 * t7));
         let t21 = fma(t5, R::from_f64(2.0) * alpha_dot, t0 * given_dot_Omega1);
         let t22 = t1 * given_dot_Omega2;
-        let t23 = self.c25 * (fma(Omega3, t5, -t22) + t21);
+        let t23 = self.c24 * (fma(Omega3, t5, -t22) + t21);
         let t24 = fma(R::from_f64(0.5), fma(Omega2, t19, t14 * t16), t12);
-        let t25 = fma(-t11, fma(beta_dot, R::from_f64(0.5), Omega1) * (self.c36 * beta_dot), fma(given_dot_beta_dot, t10, fma(-given_dot_Omega2, t7, self.c40 * given_dot_Omega1)));
+        let t25 = fma(-t11, fma(beta_dot, R::from_f64(0.5), Omega1) * (self.c35 * beta_dot), fma(given_dot_beta_dot, t10, fma(-given_dot_Omega2, t7, self.c39 * given_dot_Omega1)));
         let t26 = t2 * given_dot_Omega2;
-        let t27 = self.c34 * t15;
-        let t28 = fma(t7, self.c41 * Omega2, t4);
+        let t27 = self.c33 * t15;
+        let t28 = fma(t7, self.c40 * Omega2, t4);
         let t29 = beta_dot * t14;
-        let t30 = fma(-self.c31, fma(Omega3, t28, -t22), fma(-t21, self.c27, fma(-t17, given_dot_Omega3 * t27, fma(t26, self.c26 * t2, fma(Omega1, self.c43 * Omega3, self.c42 * given_dot_Omega2)))));
+        let t30 = fma(-self.c30, fma(Omega3, t28, -t22), fma(-t21, self.c26, fma(-t17, given_dot_Omega3 * t27, fma(t26, self.c25 * t2, fma(Omega1, self.c42 * Omega3, self.c41 * given_dot_Omega2)))));
         let t31 = t3 * given_dot_Omega3;
-        let t32 = fma(-t27, fma(t29, self.c45, given_dot_Omega2 * t17), fma(t1, self.c27 * given_dot_alpha_dot, fma(-t7, alpha_dot * alpha_dot, fma(t18, t31, fma(t31, self.c36, fma(given_dot_Omega3, self.c46, t6))))));
+        let t32 = fma(-t27, fma(t29, self.c44, given_dot_Omega2 * t17), fma(t1, self.c26 * given_dot_alpha_dot, fma(-t7, alpha_dot * alpha_dot, fma(t18, t31, fma(t31, self.c35, fma(given_dot_Omega3, self.c45, t6))))));
         [
-            fma(self.c27, fma(Omega2, t5, t8), fma(t7, Omega3 * Omega3, fma(given_dot_Omega3, self.c25, fma(alpha, self.ka, t6)))),
-            fma(-self.c33, fma(t14, fma(-t17, R::ratio(2.0, 5.0) * Omega2, Omega3 * t15), Omega1 * Omega1 * t11), fma(given_dot_Omega1, t10, fma(given_dot_beta_dot, self.c26, self.kb * beta))),
-            fma(-self.c29, fma(Omega2, t24, -(given_dot_Omega1 * t9)), fma(t0, t23, fma(Omega3, fma(Omega2, self.c39, t20), t25))),
-            fma(self.c29, fma(Omega1, t24, fma(t17, t29, t26)), fma(-t1, t23, t30)),
-            fma(-Omega1, fma(Omega2, self.c44, t20), fma(-self.c31, fma(-Omega2, t28, fma(t0, Omega3 * alpha_dot, -t8)), t32)),
+            fma(self.c26, fma(Omega2, t5, t8), fma(t7, Omega3 * Omega3, fma(given_dot_Omega3, self.c24, fma(alpha, self.ka, t6)))),
+            fma(-self.c32, fma(t14, fma(-t17, R::ratio(2.0, 5.0) * Omega2, Omega3 * t15), Omega1 * Omega1 * t11), fma(given_dot_Omega1, t10, fma(given_dot_beta_dot, self.c25, self.kb * beta))),
+            fma(-self.c28, fma(Omega2, t24, -(given_dot_Omega1 * t9)), fma(t0, t23, fma(Omega3, fma(Omega2, self.c38, t20), t25))),
+            fma(self.c28, fma(Omega1, t24, fma(t17, t29, t26)), fma(-t1, t23, t30)),
+            fma(-Omega1, fma(Omega2, self.c43, t20), fma(-self.c30, fma(-Omega2, t28, fma(t0, Omega3 * alpha_dot, -t8)), t32)),
         ]
     }
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
-    /// Operations: 53 additions, 72 multiplications (43 fused), 2 divisions, 33 sign changes, 2 elementary functions.
+    /// Operations: 51 additions, 68 multiplications (39 fused), 2 divisions, 31 sign changes, 2 elementary functions.
     #[must_use]
     pub fn pivots(&self, t: R, y: &[R; 7]) -> [::hamel_runtime::Pivot<R>; 3] {
         let [alpha, beta, _, _, _, _, _] = *y;
@@ -502,61 +496,59 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
         let t4 = fma(t1, R::from_f64(2.5), t0);
-        let A_beta_dot_Omega1_over_ma_la2 = fma(t4, self.c2, self.c1);
-        let t5 = t2 * t2;
-        let A_Omega1_Omega1_over_ma_la2 = fma(t4, self.c11, self.c10) + t5;
-        let t6 = self.c0 + t3;
-        let t7 = t2 * t6;
-        let t8 = t6 * t6;
-        let t9 = self.c1 * t0;
-        let t10 = self.c2 + t9;
-        let t11 = self.c3 * t10;
-        let t12 = t10 * t11;
-        let A_Omega2_Omega2_over_ma_la2 = self.c12 + t8 + t12;
-        let t13 = self.c4 + t1;
-        let t14 = t13 * t10;
+        let A_beta_dot_Omega1_over_mb_lb2 = fma(t4, self.c2, R::ONE);
+        let t5 = self.c0 * t2 * t2;
+        let A_Omega1_Omega1_over_mb_lb2 = fma(t4, self.c10, self.c11) + t5;
+        let t6 = self.c0 * t3;
+        let t7 = self.c1 + t6;
+        let t8 = t2 * t7;
+        let t9 = self.c7 * t7;
+        let t10 = t7 * t9;
+        let t11 = self.c2 + t0;
+        let t12 = t11 * t11;
+        let A_Omega2_Omega2_over_mb_lb2 = self.c12 + t12 + t10;
+        let t13 = self.c3 + t1;
+        let t14 = t13 * t11;
         // factors of A
-        let t15 = self.c13 * t1;
+        let t15 = self.c14 * t1;
         let t16 = t1 * t1;
         let t17 = t3 * t3;
-        let A_s1_5_5_over_ma_la2 = fma(t17, self.c15, fma(t16, self.c1, self.c14 + t15));
-        let A_l3_2 = self.c3 * A_beta_dot_Omega1_over_ma_la2;
-        let t18 = A_beta_dot_Omega1_over_ma_la2 * A_l3_2;
-        let A_s2_3_3_over_ma_la2 = A_Omega1_Omega1_over_ma_la2 - t18;
-        let t19 = A_s2_3_3_over_ma_la2.recip();
-        let t20 = t7 * t19;
-        let t21 = t7 * t20;
-        let A_s3_4_4_over_ma_la2 = A_Omega2_Omega2_over_ma_la2 - t21;
-        let t22 = A_s3_4_4_over_ma_la2.recip();
+        let A_s1_5_5_over_mb_lb2 = fma(t17, self.c16, self.c15 + t15 + t16);
+        let t18 = A_beta_dot_Omega1_over_mb_lb2 * A_beta_dot_Omega1_over_mb_lb2;
+        let A_s2_3_3_over_mb_lb2 = A_Omega1_Omega1_over_mb_lb2 - t18;
+        let t19 = A_s2_3_3_over_mb_lb2.recip();
+        let t20 = t8 * t19;
+        let t21 = t8 * t20;
+        let A_s3_4_4_over_mb_lb2 = A_Omega2_Omega2_over_mb_lb2 - t21;
+        let t22 = A_s3_4_4_over_mb_lb2.recip();
         let t23 = t14 * t22;
         let t24 = t14 * t23;
-        let A_s4_5_5_over_ma_la2 = A_s1_5_5_over_ma_la2 - t24;
+        let A_s4_5_5_over_mb_lb2 = A_s1_5_5_over_mb_lb2 - t24;
         let t25 = t1.abs();
-        let t26 = fma(R::from_f64(10.0), t0.abs(), R::from_f64(25.0) * t25);
-        let t27 = (self.c13 * t4).abs();
-        let t28 = fma(t27, R::from_f64(2.0), fma(t26, self.c2, self.c16));
-        let t29 = A_l3_2.abs();
-        let t30 = fma(R::from_f64(2.0), A_Omega1_Omega1_over_ma_la2.abs(), fma(t27, R::ratio(22.0, 5.0), fma(t26, self.c11, fma(t18, R::from_f64(10.0), fma(t5, R::from_f64(11.0), self.c17)))));
-        let t31 = fma(fma(t28, self.c3, R::from_f64(8.0) * t29), A_beta_dot_Omega1_over_ma_la2.abs(), fma(t28, t29, t30));
-        let t32 = fma(R::from_f64(10.0), t3.abs(), self.c18);
-        let t33 = fma(R::from_f64(10.0), t9.abs(), self.c19);
+        let t26 = R::from_f64(10.0) * t0.abs();
+        let t27 = fma(t25, R::from_f64(25.0), t26);
+        let t28 = (self.c14 * t4).abs();
+        let t29 = fma(R::from_f64(2.0), A_Omega1_Omega1_over_mb_lb2.abs(), fma(t28, R::ratio(22.0, 5.0), fma(t27, self.c10, fma(t18, R::from_f64(10.0), fma(t5, R::from_f64(11.0), self.c17)))));
+        let t30 = fma(fma(t28, R::from_f64(2.0), fma(t27, self.c2, R::from_f64(10.0))), R::from_f64(2.0) * A_beta_dot_Omega1_over_mb_lb2.abs(), t29);
+        let t31 = fma(R::from_f64(10.0), t6.abs(), self.c18);
+        let t32 = t9.abs();
+        let t33 = self.c19 + t26;
         let t34 = t11.abs();
-        let t35 = t10.abs();
-        let t36 = fma(R::from_f64(8.0), t7.abs(), t32 * t2.abs());
+        let t35 = fma(R::from_f64(8.0), t8.abs(), t31 * t2.abs());
         let A_l4_3 = -t20;
-        let t37 = A_l4_3.abs();
-        let A_Omega1_Omega2_over_ma_la2 = -t7;
-        let t38 = fma(t33, t34, fma(t32, R::from_f64(2.0) * t6.abs(), fma(A_Omega2_Omega2_over_ma_la2, R::from_f64(2.0), fma(t12, R::from_f64(11.0), fma(t8, R::from_f64(11.0), self.c20)))));
-        let t39 = fma(fma(t31, (-(t7 * (t19 * t19))).abs(), fma(t37, R::from_f64(8.0), t36 * t19.abs())), A_Omega1_Omega2_over_ma_la2.abs(), fma(R::from_f64(10.0), t21.abs(), fma(t36, t37, fma(t35, fma(t34, R::from_f64(8.0), self.c3 * t33), t38))));
-        let t40 = fma(R::from_f64(8.0), t14.abs(), fma(t33, t13.abs(), fma(t25, R::from_f64(10.0), self.c21) * t35));
+        let t36 = A_l4_3.abs();
+        let A_Omega1_Omega2_over_mb_lb2 = -t8;
+        let t37 = fma(t33, R::from_f64(2.0) * t34, fma(t31, t32, fma(A_Omega2_Omega2_over_mb_lb2, R::from_f64(2.0), fma(t10, R::from_f64(11.0), fma(t12, R::from_f64(11.0), self.c20)))));
+        let t38 = fma(fma(t30, (-(t8 * (t19 * t19))).abs(), fma(t36, R::from_f64(8.0), t35 * t19.abs())), A_Omega1_Omega2_over_mb_lb2.abs(), fma(R::from_f64(10.0), t21.abs(), fma(t35, t36, fma(fma(t32, R::from_f64(8.0), self.c7 * t31), t7.abs(), t37))));
+        let t39 = fma(R::from_f64(8.0), t14.abs(), fma(t33, t13.abs(), fma(t25, R::from_f64(10.0), self.c21) * t34));
         let A_l5_4 = -t23;
-        let t41 = A_l5_4.abs();
-        let A_Omega2_Omega3_over_ma_la2 = -t14;
-        let t42 = fma(R::from_f64(10.0), t24.abs(), fma(t40, t41, fma(R::from_f64(2.0), A_s1_5_5_over_ma_la2.abs(), fma(R::from_f64(12.0), t15.abs(), fma(t17, self.c24, fma(t16, self.c22, self.c23))))));
+        let t40 = A_l5_4.abs();
+        let A_Omega2_Omega3_over_mb_lb2 = -t14;
+        let t41 = fma(R::from_f64(10.0), t24.abs(), fma(t39, t40, fma(R::from_f64(2.0), A_s1_5_5_over_mb_lb2.abs(), fma(R::from_f64(12.0), t15.abs(), fma(t17, self.c23, fma(t16, R::from_f64(12.0), self.c22))))));
         [
-            ::hamel_runtime::Pivot::new("inertia along Omega1", A_s2_3_3_over_ma_la2, t31),
-            ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4_over_ma_la2, t39),
-            ::hamel_runtime::Pivot::new("inertia along Omega3", A_s4_5_5_over_ma_la2, fma(fma(t39, (-(t14 * (t22 * t22))).abs(), fma(t41, R::from_f64(8.0), t40 * t22.abs())), A_Omega2_Omega3_over_ma_la2.abs(), t42)),
+            ::hamel_runtime::Pivot::new("inertia along Omega1", A_s2_3_3_over_mb_lb2, t30),
+            ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4_over_mb_lb2, t38),
+            ::hamel_runtime::Pivot::new("inertia along Omega3", A_s4_5_5_over_mb_lb2, fma(fma(t38, (-(t14 * (t22 * t22))).abs(), fma(t40, R::from_f64(8.0), t39 * t22.abs())), A_Omega2_Omega3_over_mb_lb2.abs(), t41)),
         ]
     }
 
@@ -576,7 +568,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 ::hamel_runtime::over_scalar!(Prepared[7] {
     ka, kb, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20,
     c21, c22, c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36, c37, c38, c39, c40, c41,
-    c42, c43, c44, c45, c46, c47, c48, c49, c50,
+    c42, c43, c44, c45, c46,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

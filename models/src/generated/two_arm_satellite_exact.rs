@@ -71,23 +71,23 @@ pub const INITIAL: [f64; 7] = [0.3, -0.4, 0.5, 0.2, 0.6, -0.8, 1.1];
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub struct Prepared<R = f64> {
-    c0: R, // (3/5) / la
-    c1: R, // mb * (lb * lb) / (ma * (la * la))
-    c2: R, // 1 / 5 * mb * lb / (ma * (la * la))
-    c3: R, // ma * (la * la) / (mb * (lb * lb))
-    c4: R, // 0.5 / lb
-    c5: R, // -(ka / (ma * (la * la)))
-    c6: R, // -(kb / (ma * (la * la)))
-    c7: R, // (I2 - I3) / (ma * (la * la))
-    c8: R, // (I3 - I1) / (ma * (la * la))
-    c9: R, // (I1 - I2) / (ma * (la * la))
-    c10: R,
-    c11: R, // 2 / 5 * mb * lb / (ma * (la * la))
-    c12: R, // I2 / (ma * (la * la))
-    c13: R, // mb * lb / (ma * (la * la))
-    c14: R,
-    c15: R, // -9 / 25 / (la * la)
-    c16: R, // (1/5) / lb
+    c0: R, // ma * (la * la) / (mb * (lb * lb))
+    c1: R, // 3 / 5 * ma * la / (mb * (lb * lb))
+    c2: R, // 1 / 5 / lb
+    c3: R, // 0.5 / lb
+    c4: R, // -(ka / (mb * (lb * lb)))
+    c5: R, // -(kb / (mb * (lb * lb)))
+    c6: R, // (I2 - I3) / (mb * (lb * lb))
+    c7: R, // mb * (lb * lb) / (ma * (la * la))
+    c8: R, // (I3 - I1) / (mb * (lb * lb))
+    c9: R, // (I1 - I2) / (mb * (lb * lb))
+    c10: R, // 2 / 5 / lb
+    c11: R,
+    c12: R, // I2 / (mb * (lb * lb))
+    c13: R, // 3 / 5 / la
+    c14: R, // 1 / lb
+    c15: R,
+    c16: R, // -9 / 25 * ma / (mb * (lb * lb))
     c17: R, // 0.5 * I1
     c18: R, // 0.5 * I2
     c19: R, // 0.5 * I3
@@ -95,29 +95,26 @@ pub struct Prepared<R = f64> {
     c21: R, // 0.5 * kb
     c22: R, // 0.5 * ma * (la * la)
     c23: R, // 0.5 * mb * (lb * lb)
-    c24: R, // 10 * mb * (lb * lb) / (ma * (la * la))
-    c25: R,
-    c26: R, // 6 / la
-    c27: R, // 2 * mb * lb / (ma * (la * la))
-    c28: R, // 11 * I2 / (ma * (la * la))
-    c29: R, // 5 / lb
-    c30: R, // 12 * mb * (lb * lb) / (ma * (la * la))
-    c31: R,
-    c32: R, // (108/25) / (la * la)
-    c33: R, // mb * (lb * lb) / (ma * (la * la))
-    c34: R, // mb * (lb * lb) / (ma * (la * la))
-    c35: R, // ma * (la * la) / (mb * (lb * lb))
-    c36: R, // ma * (la * la) / (mb * (lb * lb))
-    c37: R, c38: R, c39: R,
-    c40: R, // (0.5 - 0.5 / lb * lb - product_error(0.5 / lb, lb)) / lb
-    c41: R, c42: R, c43: R, c44: R, c45: R, c46: R, c47: R, c48: R,
+    c24: R,
+    c25: R, // 6 * ma * la / (mb * (lb * lb))
+    c26: R, // 2 / lb
+    c27: R, // 11 * I2 / (mb * (lb * lb))
+    c28: R, // 5 / lb
+    c29: R,
+    c30: R, // (108/25) * ma / (mb * (lb * lb))
+    c31: R, // mb * (lb * lb) / (ma * (la * la))
+    c32: R, c33: R, c34: R,
+    c35: R, // (0.5 - 0.5 / lb * lb - product_error(0.5 / lb, lb)) / lb
+    c36: R, c37: R, c38: R, c39: R,
+    c40: R, // (1 - 1 / lb * lb - product_error(1 / lb, lb)) / lb
+    c41: R, c42: R,
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 270 additions, 174 multiplications (18 fused), 43 divisions, 2 sign changes.
+    /// Operations: 288 additions, 179 multiplications (17 fused), 45 divisions, 2 sign changes.
     ///
     /// # Errors
     ///
@@ -125,56 +122,55 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         INFO.require_finite(&params.to_array())?;
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
-        let t0 = lb * lb;
-        let t1 = R::product_error(lb, lb);
-        let t2 = mb * t0;
-        let t3 = fma(mb, t1, R::product_error(mb, t0));
-        let t4 = la * la;
-        let t5 = ma * t4;
-        let t6 = R::product_error(ma, t4);
-        let t7 = t2 / t5;
-        let t8 = fma(-t7, t6, t2 - t7 * t5 - R::product_error(t7, t5) + t3) / t5;
-        let t9 = R::ONE / R::from_f64(5.0);
-        let t10 = t9 * mb;
-        let t11 = t10 * lb;
-        let t12 = fma(lb, fma(mb, (R::ONE - t9 * R::from_f64(5.0) - R::product_error(t9, R::from_f64(5.0))) / R::from_f64(5.0), R::product_error(t9, mb)), R::product_error(t10, lb));
-        let t13 = t11 / t5;
-        let t14 = t5 / t2;
-        let t15 = fma(-t14, t3, t5 - t14 * t2 - R::product_error(t14, t2) + t6) / t2;
-        let t16 = R::from_f64(0.5) / lb;
+        let t0 = la * la;
+        let t1 = ma * t0;
+        let t2 = fma(ma, R::product_error(la, la), R::product_error(ma, t0));
+        let t3 = lb * lb;
+        let t4 = R::product_error(lb, lb);
+        let t5 = mb * t3;
+        let t6 = fma(mb, t4, R::product_error(mb, t3));
+        let t7 = t1 / t5;
+        let t8 = R::from_f64(3.0) / R::from_f64(5.0);
+        let t9 = (R::from_f64(3.0) - t8 * R::from_f64(5.0) - R::product_error(t8, R::from_f64(5.0))) / R::from_f64(5.0);
+        let t10 = t8 * ma;
+        let t11 = t10 * la;
+        let t12 = t11 / t5;
+        let t13 = R::ONE / R::from_f64(5.0);
+        let t14 = t13 / lb;
+        let t15 = R::from_f64(0.5) / lb;
+        let t16 = t5 / t1;
         let t17 = R::from_f64(2.0) / R::from_f64(5.0);
-        let t18 = t17 * mb;
-        let t19 = t18 * lb;
-        let t20 = fma(lb, fma(mb, (R::from_f64(2.0) - t17 * R::from_f64(5.0) - R::product_error(t17, R::from_f64(5.0))) / R::from_f64(5.0), R::product_error(t17, mb)), R::product_error(t18, lb));
-        let t21 = t19 / t5;
-        let t22 = R::from_f64(100.0) * I1;
-        let t23 = R::from_f64(100.0) * t0;
-        let t24 = R::from_f64(29.0) + t23;
-        let t25 = R::sum_error(R::from_f64(29.0), t23) + fma(R::from_f64(100.0), t1, R::product_error(R::from_f64(100.0), t0));
-        let t26 = t24 + t25;
-        let t27 = mb * t26;
-        let t28 = t22 + t27;
-        let t29 = R::sum_error(t22, t27) + fma(mb, R::sum_error(t24, t25), R::product_error(mb, t26));
-        let t30 = t28 + t29;
-        let t31 = R::ONE / R::from_f64(100.0);
-        let t32 = (R::ONE - t31 * R::from_f64(100.0) - R::product_error(t31, R::from_f64(100.0))) / R::from_f64(100.0);
-        let t33 = t31 * t30;
-        let t34 = t33 / t5;
-        let t35 = mb * lb;
+        let t18 = t17 / lb;
+        let t19 = R::from_f64(100.0) * I1;
+        let t20 = R::from_f64(100.0) * t3;
+        let t21 = R::from_f64(29.0) + t20;
+        let t22 = R::sum_error(R::from_f64(29.0), t20) + fma(R::from_f64(100.0), t4, R::product_error(R::from_f64(100.0), t3));
+        let t23 = t21 + t22;
+        let t24 = mb * t23;
+        let t25 = t19 + t24;
+        let t26 = R::sum_error(t19, t24) + fma(mb, R::sum_error(t21, t22), R::product_error(mb, t23));
+        let t27 = t25 + t26;
+        let t28 = R::ONE / R::from_f64(100.0);
+        let t29 = (R::ONE - t28 * R::from_f64(100.0) - R::product_error(t28, R::from_f64(100.0))) / R::from_f64(100.0);
+        let t30 = t28 * t27;
+        let t31 = t30 / t5;
+        let t32 = t8 / la;
+        let t33 = lb.recip();
+        let t34 = R::from_f64(-9.0) / R::from_f64(25.0);
+        let t35 = t34 * ma;
         let t36 = t35 / t5;
-        let t37 = R::from_f64(-9.0) / R::from_f64(25.0);
-        let t38 = t37 / t4;
-        let t39 = R::from_f64(100.0) * I3;
-        let t40 = R::from_f64(36.0) * ma;
-        let t41 = t39 + t40;
-        let t42 = R::sum_error(t39, t40) + R::product_error(R::from_f64(36.0), ma);
-        let t43 = t41 + t42;
-        let t44 = R::from_f64(25.0) * mb;
-        let t45 = t43 + t44;
-        let t46 = R::sum_error(t43, t44) + (R::sum_error(t41, t42) + R::product_error(R::from_f64(25.0), mb));
-        let t47 = t45 + t46;
-        let t48 = t31 * t47;
-        let t49 = t48 / t5;
+        let t37 = t35 - t36 * t5 - R::product_error(t36, t5) + fma(ma, (R::from_f64(-9.0) - t34 * R::from_f64(25.0) - R::product_error(t34, R::from_f64(25.0))) / R::from_f64(25.0), R::product_error(t34, ma));
+        let t38 = R::from_f64(100.0) * I3;
+        let t39 = R::from_f64(36.0) * ma;
+        let t40 = t38 + t39;
+        let t41 = R::sum_error(t38, t39) + R::product_error(R::from_f64(36.0), ma);
+        let t42 = t40 + t41;
+        let t43 = R::from_f64(25.0) * mb;
+        let t44 = t42 + t43;
+        let t45 = R::sum_error(t42, t43) + (R::sum_error(t40, t41) + R::product_error(R::from_f64(25.0), mb));
+        let t46 = t44 + t45;
+        let t47 = t28 * t46;
+        let t48 = t47 / t5;
         ::hamel_runtime::ParamError::require(I1.all_gt(R::ZERO), "I1 > 0", "")?;
         ::hamel_runtime::ParamError::require(I2.all_gt(R::ZERO), "I2 > 0", "")?;
         ::hamel_runtime::ParamError::require(I3.all_gt(R::ZERO), "I3 > 0", "")?;
@@ -183,31 +179,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ::hamel_runtime::ParamError::require(mb.all_gt(R::ZERO), "mb > 0", "")?;
         ::hamel_runtime::ParamError::require(lb.all_gt(R::ZERO), "lb > 0", "")?;
         Ok(Self {
-            c0: R::ratio(3.0, 5.0) / la, c1: t7, c2: t13, c3: t14, c4: t16, c5: -(ka / t5), c6: -(kb / t5),
-            c7: (I2 - I3) / t5, c8: (I3 - I1) / t5, c9: (I1 - I2) / t5, c10: t34, c11: t21, c12: I2 / t5, c13: t36,
-            c14: t49, c15: t38, c16: R::ratio(1.0, 5.0) / lb, c17: R::from_f64(0.5) * I1, c18: R::from_f64(0.5) * I2,
-            c19: R::from_f64(0.5) * I3, c20: R::from_f64(0.5) * ka, c21: R::from_f64(0.5) * kb,
-            c22: R::from_f64(0.5) * ma * t4,
-            c23: R::from_f64(0.5) * mb * t0,
-            c24: R::from_f64(10.0) * mb * t0 / t5,
-            c25: R::ratio(11.0, 100.0) * t30 / t5,
-            c26: R::from_f64(6.0) / la,
-            c27: R::from_f64(2.0) * mb * lb / t5,
-            c28: R::from_f64(11.0) * I2 / t5,
-            c29: R::from_f64(5.0) / lb,
-            c30: R::from_f64(12.0) * mb * t0 / t5,
-            c31: R::ratio(3.0, 25.0) * t47 / t5,
-            c32: R::ratio(108.0, 25.0) / t4,
-            c33: t7, c34: t7, c35: t14, c36: t14, c37: t8,
-            c38: fma(-t13, t6, t11 - t13 * t5 - R::product_error(t13, t5) + t12) / t5,
-            c39: t15,
-            c40: (R::from_f64(0.5) - t16 * lb - R::product_error(t16, lb)) / lb,
-            c41: fma(-t34, t6, t33 - t34 * t5 - R::product_error(t34, t5) + fma(t30, t32, fma(t31, R::sum_error(t28, t29), R::product_error(t31, t30)))) / t5,
-            c42: fma(-t21, t6, t19 - t21 * t5 - R::product_error(t21, t5) + t20) / t5,
-            c43: fma(-t36, t6, t35 - t36 * t5 - R::product_error(t36, t5) + R::product_error(mb, lb)) / t5,
-            c44: fma(-t49, t6, t48 - t49 * t5 - R::product_error(t49, t5) + fma(t47, t32, fma(t31, R::sum_error(t45, t46), R::product_error(t31, t47)))) / t5,
-            c45: (t37 - t38 * t4 - R::product_error(t38, t4) + (R::from_f64(-9.0) - t37 * R::from_f64(25.0) - R::product_error(t37, R::from_f64(25.0))) / R::from_f64(25.0)) / t4,
-            c46: t8, c47: t8, c48: t15,
+            c0: t7, c1: t12, c2: t14, c3: t15, c4: -(ka / t5), c5: -(kb / t5), c6: (I2 - I3) / t5, c7: t16,
+            c8: (I3 - I1) / t5, c9: (I1 - I2) / t5, c10: t18, c11: t31, c12: I2 / t5, c13: t32, c14: t33, c15: t48,
+            c16: t36, c17: R::from_f64(0.5) * I1, c18: R::from_f64(0.5) * I2, c19: R::from_f64(0.5) * I3,
+            c20: R::from_f64(0.5) * ka, c21: R::from_f64(0.5) * kb,
+            c22: R::from_f64(0.5) * ma * t0,
+            c23: R::from_f64(0.5) * mb * t3,
+            c24: R::ratio(11.0, 100.0) * t27 / t5,
+            c25: R::from_f64(6.0) * ma * la / t5,
+            c26: R::from_f64(2.0) / lb,
+            c27: R::from_f64(11.0) * I2 / t5,
+            c28: R::from_f64(5.0) / lb,
+            c29: R::ratio(3.0, 25.0) * t46 / t5,
+            c30: R::ratio(108.0, 25.0) * ma / t5,
+            c31: t16,
+            c32: fma(-t7, t6, t1 - t7 * t5 - R::product_error(t7, t5) + t2) / t5,
+            c33: fma(-t12, t6, t11 - t12 * t5 - R::product_error(t12, t5) + fma(la, fma(ma, t9, R::product_error(t8, ma)), R::product_error(t10, la))) / t5,
+            c34: (t13 - t14 * lb - R::product_error(t14, lb) + (R::ONE - t13 * R::from_f64(5.0) - R::product_error(t13, R::from_f64(5.0))) / R::from_f64(5.0)) / lb,
+            c35: (R::from_f64(0.5) - t15 * lb - R::product_error(t15, lb)) / lb,
+            c36: fma(-t16, t2, t5 - t16 * t1 - R::product_error(t16, t1) + t6) / t1,
+            c37: (t17 - t18 * lb - R::product_error(t18, lb) + (R::from_f64(2.0) - t17 * R::from_f64(5.0) - R::product_error(t17, R::from_f64(5.0))) / R::from_f64(5.0)) / lb,
+            c38: fma(-t31, t6, t30 - t31 * t5 - R::product_error(t31, t5) + fma(t27, t29, fma(t28, R::sum_error(t25, t26), R::product_error(t28, t27)))) / t5,
+            c39: (t8 - t32 * la - R::product_error(t32, la) + t9) / la,
+            c40: (R::ONE - t33 * lb - R::product_error(t33, lb)) / lb,
+            c41: fma(-t48, t6, t47 - t48 * t5 - R::product_error(t48, t5) + fma(t46, t29, fma(t28, R::sum_error(t44, t45), R::product_error(t28, t46)))) / t5,
+            c42: fma(-t36, t6, t37) / t5,
         })
     }
 
@@ -219,270 +215,275 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain two_arm_satellite
     /// ```
     ///
-    /// Operations: 1186 additions, 478 multiplications (107 fused), 6 divisions, 22 sign changes, 2 elementary functions.
+    /// Operations: 1201 additions, 477 multiplications (106 fused), 6 divisions, 24 sign changes, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         // velocities v in squares m/2 |v|^2
-        let (t0, t1) = alpha.sin_cos();
-        let t2 = R::circle_error(t0, t1);
-        let t3 = t2 * t0;
-        let t4 = t2 * t1;
-        let (t5, t6) = beta.sin_cos();
-        let t7 = R::circle_error(t5, t6);
-        let t8 = t7 * t5;
-        let t9 = t7 * t6;
-        let t10 = alpha_dot + Omega3;
-        let t11 = R::sum_error(alpha_dot, Omega3);
-        let v1_1_over_5_la = t0 * t10;
-        let t12 = t1 * t10;
-        let t13 = fma(t10, t4, fma(t1, t11, R::product_error(t1, t10)));
-        let t14 = Omega3 * self.c0;
-        let t15 = t14 + t12;
-        let t16 = R::sum_error(t14, t12) + (R::product_error(Omega3, self.c0) + t13);
-        let v1_2_over_5_la = t15 + t16;
-        let t17 = self.c0 + t1;
-        let t18 = R::sum_error(self.c0, t1) + t4;
-        let t19 = R::sum_error(t17, t18);
-        let t20 = t17 + t18;
-        let v1_3_over_5_la = fma(-Omega2, t20, Omega1 * t0);
-        let t21 = t5 * self.c1;
-        let t22 = t21 + self.c2;
-        let t23 = R::sum_error(t21, self.c2) + fma(self.c1, t8, fma(t5, self.c37, R::product_error(t5, self.c1)));
-        let t24 = R::sum_error(t22, t23);
-        let t25 = t22 + t23;
-        let t26 = self.c3 * t25;
-        let t27 = fma(t25, self.c39, fma(self.c3, t24, R::product_error(self.c3, t25)));
-        let t28 = self.c4 + t6;
-        let t29 = R::sum_error(self.c4, t6) + (self.c40 + t9);
-        let t30 = R::sum_error(t28, t29);
-        let t31 = t28 + t29;
-        let v2_1_over_10_lb = fma(Omega2, t26, -(Omega3 * t31));
-        let t32 = beta_dot * t5;
-        let t33 = fma(beta_dot, t8, R::product_error(beta_dot, t5));
-        let t34 = Omega1 * t26;
-        let t35 = t34 + t32;
-        let t36 = R::sum_error(t34, t32) + (fma(Omega1, t27, R::product_error(Omega1, t26)) + t33);
-        let v2_2_over_10_lb = t35 + t36;
-        let t37 = beta_dot * t6;
-        let t38 = Omega1 * t31;
-        let t39 = t38 + t37;
-        let t40 = R::sum_error(t38, t37) + fma(Omega1, t30, R::product_error(Omega1, t31));
-        let v2_3_over_10_lb = t39 + t40;
+        let t0 = alpha_dot + Omega3;
+        let t1 = R::sum_error(alpha_dot, Omega3);
+        let (t2, t3) = alpha.sin_cos();
+        let t4 = R::circle_error(t2, t3);
+        let t5 = t4 * t2;
+        let t6 = t4 * t3;
+        let (t7, t8) = beta.sin_cos();
+        let t9 = R::circle_error(t7, t8);
+        let t10 = t9 * t7;
+        let t11 = t9 * t8;
+        let t12 = self.c0 * t2;
+        let t13 = fma(t2, self.c32, fma(self.c0, t5, R::product_error(self.c0, t2)));
+        let v1_1_scaled = t0 * t12;
+        let t14 = self.c0 * alpha_dot;
+        let t15 = fma(alpha_dot, self.c32, R::product_error(self.c0, alpha_dot));
+        let t16 = t3 * t14;
+        let t17 = fma(t14, t6, fma(t3, t15, R::product_error(t3, t14)));
+        let t18 = t3 * self.c0;
+        let t19 = t18 + self.c1;
+        let t20 = R::sum_error(t18, self.c1) + (fma(self.c0, t6, fma(t3, self.c32, R::product_error(t3, self.c0))) + self.c33);
+        let t21 = R::sum_error(t19, t20);
+        let t22 = t19 + t20;
+        let t23 = Omega3 * t22;
+        let t24 = t23 + t16;
+        let t25 = R::sum_error(t23, t16) + (fma(Omega3, t21, R::product_error(Omega3, t22)) + t17);
+        let v1_2_scaled = t24 + t25;
+        let v1_3_scaled = fma(-Omega2, t22, Omega1 * t12);
+        let t26 = self.c2 + t7;
+        let t27 = R::sum_error(self.c2, t7) + t10;
+        let t28 = R::sum_error(t26, t27);
+        let t29 = t26 + t27;
+        let t30 = self.c3 + t8;
+        let t31 = R::sum_error(self.c3, t8) + (self.c35 + t11);
+        let t32 = R::sum_error(t30, t31);
+        let t33 = t30 + t31;
+        let v2_1_over_10_lb = fma(-Omega3, t33, Omega2 * t29);
+        let t34 = beta_dot * t7;
+        let t35 = fma(beta_dot, t10, R::product_error(beta_dot, t7));
+        let t36 = Omega1 * t29;
+        let t37 = t36 + t34;
+        let t38 = R::sum_error(t36, t34) + (fma(Omega1, t28, R::product_error(Omega1, t29)) + t35);
+        let v2_2_over_10_lb = t37 + t38;
+        let t39 = beta_dot * t8;
+        let t40 = Omega1 * t33;
+        let t41 = t40 + t39;
+        let t42 = R::sum_error(t40, t39) + fma(Omega1, t32, R::product_error(Omega1, t33));
+        let v2_3_over_10_lb = t41 + t42;
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let t41 = alpha_dot * t12;
-        let t42 = Omega3 * v1_2_over_5_la;
-        let t43 = t42 + t41;
-        let t44 = R::sum_error(t42, t41) + (fma(Omega3, R::sum_error(t15, t16), R::product_error(Omega3, v1_2_over_5_la)) + fma(alpha_dot, t13, R::product_error(alpha_dot, t12)));
-        let t45 = t43 + t44;
-        let t46 = Omega2 * v1_3_over_5_la;
-        let t47 = t45 - t46;
-        let t48 = R::sum_error(t45, -t46) + (R::sum_error(t43, t44) - R::product_error(Omega2, v1_3_over_5_la));
-        let a1_1_over_5_la = t47 + t48;
-        let t49 = t10 * v1_1_over_5_la;
-        let t50 = Omega1 * v1_3_over_5_la;
-        let t51 = t50 + t49;
-        let t52 = R::product_error(Omega1, v1_3_over_5_la) + fma(v1_1_over_5_la, t11, fma(t10, fma(t10, t3, fma(t0, t11, R::product_error(t0, t10))), R::product_error(t10, v1_1_over_5_la)));
-        let t53 = R::sum_error(t50, t49) + t52;
-        let a1_2_over_5_la = -(t51 + t53);
-        let t54 = -R::sum_error(t51, t53);
-        let a1_3_over_5_la = fma(Omega1, fma(alpha_dot, t1, v1_2_over_5_la), Omega2 * fma(alpha_dot, t0, v1_1_over_5_la));
-        let a2_1_over_10_lb = fma(Omega3, t32 + v2_2_over_10_lb, Omega2 * (t37 + v2_3_over_10_lb));
-        let t55 = beta_dot + Omega1;
-        let t56 = t37 * t55;
-        let t57 = Omega1 * v2_3_over_10_lb;
-        let t58 = t57 + t56;
-        let t59 = fma(Omega1, R::sum_error(t39, t40), R::product_error(Omega1, v2_3_over_10_lb)) + fma(t55, fma(beta_dot, t9, R::product_error(beta_dot, t6)), R::product_error(t37, t55));
-        let t60 = R::sum_error(t57, t56) + t59;
-        let t61 = t58 + t60;
-        let t62 = Omega3 * v2_1_over_10_lb;
-        let t63 = t61 - t62;
-        let t64 = R::sum_error(t61, -t62) + (R::sum_error(t58, t60) - R::product_error(Omega3, v2_1_over_10_lb));
-        let t65 = R::sum_error(t63, t64);
-        let a2_2_over_10_lb = t63 + t64;
-        let t66 = t32 * t55;
-        let t67 = Omega1 * v2_2_over_10_lb;
-        let t68 = t67 + t66;
-        let t69 = R::sum_error(t67, t66) + (fma(Omega1, R::sum_error(t35, t36), R::product_error(Omega1, v2_2_over_10_lb)) + fma(t55, t33, R::product_error(t32, t55)));
-        let t70 = -(t68 + t69);
-        let t71 = Omega2 * v2_1_over_10_lb;
-        let t72 = t70 - t71;
-        let t73 = R::sum_error(t70, -t71) + (-R::sum_error(t68, t69) - R::product_error(Omega2, v2_1_over_10_lb));
-        let t74 = R::sum_error(t72, t73);
-        let a2_3_over_10_lb = t72 + t73;
+        let t43 = t0 * t16;
+        let t44 = Omega3 * v1_2_scaled;
+        let t45 = t44 + t43;
+        let t46 = R::sum_error(t44, t43) + (fma(Omega3, R::sum_error(t24, t25), R::product_error(Omega3, v1_2_scaled)) + fma(t16, t1, fma(t0, t17, R::product_error(t0, t16))));
+        let t47 = t45 + t46;
+        let t48 = Omega2 * v1_3_scaled;
+        let t49 = t47 - t48;
+        let t50 = R::sum_error(t47, -t48) + (R::sum_error(t45, t46) - R::product_error(Omega2, v1_3_scaled));
+        let a1_1_scaled = t49 + t50;
+        let t51 = t2 * t14;
+        let t52 = t0 * t51;
+        let t53 = Omega3 * v1_1_scaled;
+        let t54 = t53 + t52;
+        let t55 = fma(Omega3, fma(t12, t1, fma(t0, t13, R::product_error(t0, t12))), R::product_error(Omega3, v1_1_scaled)) + fma(t51, t1, fma(t0, fma(t14, t5, fma(t2, t15, R::product_error(t2, t14))), R::product_error(t0, t51)));
+        let t56 = R::sum_error(t53, t52) + t55;
+        let t57 = -(t54 + t56);
+        let t58 = Omega1 * v1_3_scaled;
+        let t59 = t57 - t58;
+        let t60 = R::sum_error(t57, -t58) + (-R::sum_error(t54, t56) - R::product_error(Omega1, v1_3_scaled));
+        let t61 = R::sum_error(t59, t60);
+        let a1_2_scaled = t59 + t60;
+        let a1_3_scaled = fma(Omega2, t51 + v1_1_scaled, Omega1 * (t16 + v1_2_scaled));
+        let a2_1_over_10_lb = fma(Omega2, t39 + v2_3_over_10_lb, Omega3 * (t34 + v2_2_over_10_lb));
+        let t62 = beta_dot + Omega1;
+        let t63 = t39 * t62;
+        let t64 = Omega1 * v2_3_over_10_lb;
+        let t65 = t64 + t63;
+        let t66 = fma(Omega1, R::sum_error(t41, t42), R::product_error(Omega1, v2_3_over_10_lb)) + fma(t62, fma(beta_dot, t11, R::product_error(beta_dot, t8)), R::product_error(t39, t62));
+        let t67 = R::sum_error(t64, t63) + t66;
+        let t68 = t65 + t67;
+        let t69 = Omega3 * v2_1_over_10_lb;
+        let t70 = t68 - t69;
+        let t71 = R::sum_error(t68, -t69) + (R::sum_error(t65, t67) - R::product_error(Omega3, v2_1_over_10_lb));
+        let t72 = R::sum_error(t70, t71);
+        let a2_2_over_10_lb = t70 + t71;
+        let t73 = t34 * t62;
+        let t74 = Omega1 * v2_2_over_10_lb;
+        let t75 = t74 + t73;
+        let t76 = R::sum_error(t74, t73) + (fma(Omega1, R::sum_error(t37, t38), R::product_error(Omega1, v2_2_over_10_lb)) + fma(t62, t35, R::product_error(t34, t62)));
+        let t77 = -(t75 + t76);
+        let t78 = Omega2 * v2_1_over_10_lb;
+        let t79 = t77 - t78;
+        let t80 = R::sum_error(t77, -t78) + (-R::sum_error(t75, t76) - R::product_error(Omega2, v2_1_over_10_lb));
+        let t81 = R::sum_error(t79, t80);
+        let a2_3_over_10_lb = t79 + t80;
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t75 = t0 * a1_1_over_5_la;
-        let t76 = fma(a1_1_over_5_la, t3, fma(t0, R::sum_error(t47, t48), R::product_error(t0, a1_1_over_5_la)));
-        let t77 = alpha * self.c5;
-        let t78 = t77 - t75;
-        let t79 = -t75;
-        let t80 = R::sum_error(t77, t79) + (R::product_error(alpha, self.c5) - t76);
-        let t81 = t78 + t80;
-        let t82 = t1 * a1_2_over_5_la;
-        let t83 = t81 - t82;
-        let t84 = R::sum_error(t81, -t82) + (R::sum_error(t78, t80) - fma(a1_2_over_5_la, t4, fma(t1, t54, R::product_error(t1, a1_2_over_5_la))));
-        let r_alpha_dot_over_ma_la2 = t83 + t84;
-        let t85 = t5 * a2_2_over_10_lb;
-        let t86 = t6 * a2_3_over_10_lb;
-        let t87 = t86 + t85;
-        let t88 = R::sum_error(t86, t85) + (fma(a2_3_over_10_lb, t9, fma(t6, t74, R::product_error(t6, a2_3_over_10_lb))) + fma(a2_2_over_10_lb, t8, fma(t5, t65, R::product_error(t5, a2_2_over_10_lb))));
-        let t89 = t87 + t88;
-        let t90 = self.c6 * beta;
-        let t91 = self.c33 * t89;
-        let t92 = t90 - t91;
-        let t93 = R::sum_error(t90, -t91) + -fma(t89, self.c46, fma(self.c33, R::sum_error(t87, t88), R::product_error(self.c33, t89)));
-        let r_beta_dot_over_ma_la2 = t92 + t93;
-        let t94 = self.c1 * t31;
-        let t95 = fma(t31, self.c37, fma(self.c1, t30, R::product_error(self.c1, t31)));
-        let t96 = self.c7 * Omega3 * Omega2;
-        let t97 = t0 * a1_3_over_5_la;
+        let t82 = t2 * a1_1_scaled;
+        let t83 = fma(a1_1_scaled, t5, fma(t2, R::sum_error(t49, t50), R::product_error(t2, a1_1_scaled)));
+        let t84 = alpha * self.c4;
+        let t85 = t84 - t82;
+        let t86 = -t82;
+        let t87 = R::sum_error(t84, t86) + (R::product_error(alpha, self.c4) - t83);
+        let t88 = t85 + t87;
+        let t89 = t3 * a1_2_scaled;
+        let t90 = t88 - t89;
+        let t91 = R::sum_error(t88, -t89) + (R::sum_error(t85, t87) - fma(a1_2_scaled, t6, fma(t3, t61, R::product_error(t3, a1_2_scaled))));
+        let r_alpha_dot_over_mb_lb2 = t90 + t91;
+        let t92 = self.c5 * beta;
+        let t93 = t7 * a2_2_over_10_lb;
+        let t94 = t92 - t93;
+        let t95 = R::sum_error(t92, -t93) + -fma(a2_2_over_10_lb, t10, fma(t7, t72, R::product_error(t7, a2_2_over_10_lb)));
+        let t96 = t94 + t95;
+        let t97 = t8 * a2_3_over_10_lb;
         let t98 = t96 - t97;
-        let t99 = R::sum_error(t96, -t97) + -fma(a1_3_over_5_la, t3, R::product_error(t0, a1_3_over_5_la));
-        let t100 = t98 + t99;
-        let t101 = t25 * a2_2_over_10_lb;
+        let t99 = R::sum_error(t96, -t97) + (R::sum_error(t94, t95) - fma(a2_3_over_10_lb, t11, fma(t8, t81, R::product_error(t8, a2_3_over_10_lb))));
+        let r_beta_dot_over_mb_lb2 = t98 + t99;
+        let t100 = self.c6 * Omega3 * Omega2;
+        let t101 = t29 * a2_2_over_10_lb;
         let t102 = t100 - t101;
-        let t103 = R::sum_error(t100, -t101) + (R::sum_error(t98, t99) - fma(a2_2_over_10_lb, t24, fma(t25, t65, R::product_error(t25, a2_2_over_10_lb))));
+        let t103 = R::sum_error(t100, -t101) + -fma(a2_2_over_10_lb, t28, fma(t29, t72, R::product_error(t29, a2_2_over_10_lb)));
         let t104 = t102 + t103;
-        let t105 = a2_3_over_10_lb * t94;
+        let t105 = t33 * a2_3_over_10_lb;
         let t106 = t104 - t105;
-        let t107 = R::sum_error(t104, -t105) + (R::sum_error(t102, t103) - fma(t94, t74, fma(a2_3_over_10_lb, t95, R::product_error(a2_3_over_10_lb, t94))));
-        let r_Omega1_over_ma_la2 = t106 + t107;
-        let t108 = self.c8 * Omega3 * Omega1;
-        let t109 = t20 * a1_3_over_5_la;
-        let t110 = t109 + t108;
-        let t111 = R::sum_error(t109, t108) + fma(a1_3_over_5_la, t19, R::product_error(t20, a1_3_over_5_la));
-        let t112 = t110 + t111;
-        let t113 = t25 * a2_1_over_10_lb;
-        let t114 = t112 - t113;
-        let t115 = R::sum_error(t112, -t113) + (R::sum_error(t110, t111) - fma(a2_1_over_10_lb, t24, R::product_error(t25, a2_1_over_10_lb)));
-        let r_Omega2_over_ma_la2 = t114 + t115;
-        let t116 = self.c9 * Omega2;
-        let t117 = Omega1 * t116;
-        let t118 = t117 - t75;
-        let t119 = R::sum_error(t117, t79) + (R::product_error(Omega1, t116) - t76);
-        let t120 = t118 + t119;
-        let t121 = t20 * a1_2_over_5_la;
-        let t122 = t120 - t121;
-        let t123 = R::sum_error(t120, -t121) + (R::sum_error(t118, t119) - fma(a1_2_over_5_la, t19, fma(t20, t54, R::product_error(t20, a1_2_over_5_la))));
-        let t124 = t122 + t123;
-        let t125 = a2_1_over_10_lb * t94;
-        let t126 = t125 + t124;
-        let t127 = R::sum_error(t125, t124) + (fma(a2_1_over_10_lb, t95, R::product_error(a2_1_over_10_lb, t94)) + R::sum_error(t122, t123));
-        let r_Omega3_over_ma_la2 = t126 + t127;
+        let t107 = R::sum_error(t104, -t105) + (R::sum_error(t102, t103) - fma(a2_3_over_10_lb, t32, fma(t33, t81, R::product_error(t33, a2_3_over_10_lb))));
+        let t108 = t106 + t107;
+        let t109 = t2 * a1_3_scaled;
+        let t110 = t108 - t109;
+        let t111 = R::sum_error(t108, -t109) + (R::sum_error(t106, t107) - fma(a1_3_scaled, t5, R::product_error(t2, a1_3_scaled)));
+        let r_Omega1_over_mb_lb2 = t110 + t111;
+        let t112 = self.c7 * t22;
+        let t113 = fma(t22, self.c36, fma(self.c7, t21, R::product_error(self.c7, t22)));
+        let t114 = self.c8 * Omega3 * Omega1;
+        let t115 = a1_3_scaled * t112;
+        let t116 = t115 + t114;
+        let t117 = R::sum_error(t115, t114) + fma(a1_3_scaled, t113, R::product_error(a1_3_scaled, t112));
+        let t118 = t116 + t117;
+        let t119 = t29 * a2_1_over_10_lb;
+        let t120 = t118 - t119;
+        let t121 = R::sum_error(t118, -t119) + (R::sum_error(t116, t117) - fma(a2_1_over_10_lb, t28, R::product_error(t29, a2_1_over_10_lb)));
+        let r_Omega2_over_mb_lb2 = t120 + t121;
+        let t122 = self.c9 * Omega2;
+        let t123 = Omega1 * t122;
+        let t124 = t123 - t82;
+        let t125 = R::sum_error(t123, t86) + (R::product_error(Omega1, t122) - t83);
+        let t126 = t124 + t125;
+        let t127 = a1_2_scaled * t112;
+        let t128 = t126 - t127;
+        let t129 = R::sum_error(t126, -t127) + (R::sum_error(t124, t125) - fma(t112, t61, fma(a1_2_scaled, t113, R::product_error(a1_2_scaled, t112))));
+        let t130 = t128 + t129;
+        let t131 = t33 * a2_1_over_10_lb;
+        let t132 = t131 + t130;
+        let t133 = R::sum_error(t131, t130) + (fma(a2_1_over_10_lb, t32, R::product_error(t33, a2_1_over_10_lb)) + R::sum_error(t128, t129));
+        let r_Omega3_over_mb_lb2 = t132 + t133;
         // mass matrix A = W^T L_yy Psi
-        let t128 = t6 * R::from_f64(2.5);
-        let t129 = t128 + t5;
-        let t130 = R::sum_error(t128, t5) + (fma(R::from_f64(2.5), t9, R::product_error(t6, R::from_f64(2.5))) + t8);
-        let t131 = R::sum_error(t129, t130);
-        let t132 = t129 + t130;
-        let t133 = t132 * self.c2;
-        let t134 = t133 + self.c1;
-        let t135 = R::sum_error(t133, self.c1) + (fma(self.c2, t131, fma(t132, self.c38, R::product_error(t132, self.c2))) + self.c37);
-        let t136 = R::sum_error(t134, t135);
-        let A_beta_dot_Omega1_over_ma_la2 = t134 + t135;
-        let t137 = t0 * t0;
-        let t138 = t137 + self.c10;
-        let t139 = R::sum_error(t137, self.c10) + (fma(t0, t3, fma(t0, t3, R::product_error(t0, t0))) + self.c41);
-        let t140 = t138 + t139;
-        let t141 = t132 * self.c11;
-        let t142 = t141 + t140;
-        let t143 = R::sum_error(t141, t140) + (fma(self.c11, t131, fma(t132, self.c42, R::product_error(t132, self.c11))) + R::sum_error(t138, t139));
-        let A_Omega1_Omega1_over_ma_la2 = t142 + t143;
-        let t144 = t0 * t20;
-        let t145 = fma(t20, t3, fma(t0, t19, R::product_error(t0, t20)));
-        let t146 = t20 * t20;
-        let t147 = t146 + self.c12;
-        let t148 = R::sum_error(t146, self.c12) + fma(t20, t19, fma(t20, t19, R::product_error(t20, t20)));
-        let t149 = t147 + t148;
-        let t150 = t25 * t26;
-        let t151 = t150 + t149;
-        let t152 = R::sum_error(t150, t149) + (fma(t26, t24, fma(t25, t27, R::product_error(t25, t26))) + R::sum_error(t147, t148));
-        let A_Omega2_Omega2_over_ma_la2 = t151 + t152;
-        let t153 = t31 * t25;
-        let t154 = fma(t25, t30, fma(t31, t24, R::product_error(t31, t25)));
+        let t134 = t8 * R::from_f64(2.5);
+        let t135 = t134 + t7;
+        let t136 = R::sum_error(t134, t7) + (fma(R::from_f64(2.5), t11, R::product_error(t8, R::from_f64(2.5))) + t10);
+        let t137 = R::sum_error(t135, t136);
+        let t138 = t135 + t136;
+        let t139 = t138 * self.c2;
+        let t140 = t139 + R::ONE;
+        let t141 = R::sum_error(t139, R::ONE) + fma(self.c2, t137, fma(t138, self.c34, R::product_error(t138, self.c2)));
+        let t142 = R::sum_error(t140, t141);
+        let A_beta_dot_Omega1_over_mb_lb2 = t140 + t141;
+        let t143 = t138 * self.c10;
+        let t144 = t143 + self.c11;
+        let t145 = R::sum_error(t143, self.c11) + (fma(self.c10, t137, fma(t138, self.c37, R::product_error(t138, self.c10))) + self.c38);
+        let t146 = t144 + t145;
+        let t147 = t2 * t12;
+        let t148 = t147 + t146;
+        let t149 = R::sum_error(t147, t146) + (fma(t12, t5, fma(t2, t13, R::product_error(t2, t12))) + R::sum_error(t144, t145));
+        let A_Omega1_Omega1_over_mb_lb2 = t148 + t149;
+        let t150 = t2 * t22;
+        let t151 = fma(t22, t5, fma(t2, t21, R::product_error(t2, t22)));
+        let t152 = t29 * t29;
+        let t153 = t152 + self.c12;
+        let t154 = R::sum_error(t152, self.c12) + fma(t29, t28, fma(t29, t28, R::product_error(t29, t29)));
+        let t155 = t153 + t154;
+        let t156 = t22 * t112;
+        let t157 = t156 + t155;
+        let t158 = R::sum_error(t156, t155) + (fma(t112, t21, fma(t22, t113, R::product_error(t22, t112))) + R::sum_error(t153, t154));
+        let A_Omega2_Omega2_over_mb_lb2 = t157 + t158;
+        let t159 = t33 * t29;
+        let t160 = fma(t29, t32, fma(t33, t28, R::product_error(t33, t29)));
         // factors of A
-        let t155 = t1 * self.c0;
-        let t156 = t155 + R::ONE;
-        let t157 = R::sum_error(t155, R::ONE) + fma(self.c0, t4, R::product_error(t1, self.c0));
-        let A_l5_1 = t156 + t157;
-        let t158 = t6 * t6;
-        let t159 = t1 * t1;
-        let t160 = t6 * self.c13;
-        let t161 = t160 + self.c14;
-        let t162 = R::sum_error(t160, self.c14) + (fma(self.c13, t9, fma(t6, self.c43, R::product_error(t6, self.c13))) + self.c44);
-        let t163 = t161 + t162;
-        let t164 = self.c34 * t158;
-        let t165 = t164 + t163;
-        let t166 = R::sum_error(t164, t163) + (fma(t158, self.c47, fma(self.c34, fma(t6, t9, fma(t6, t9, R::product_error(t6, t6))), R::product_error(self.c34, t158))) + R::sum_error(t161, t162));
-        let t167 = t165 + t166;
-        let t168 = self.c15 * t159;
-        let t169 = t168 + t167;
-        let t170 = R::sum_error(t168, t167) + (fma(t159, self.c45, fma(self.c15, fma(t1, t4, fma(t1, t4, R::product_error(t1, t1))), R::product_error(self.c15, t159))) + R::sum_error(t165, t166));
-        let A_s1_5_5_over_ma_la2 = t169 + t170;
-        let A_l3_2 = self.c35 * A_beta_dot_Omega1_over_ma_la2;
-        let t171 = fma(A_beta_dot_Omega1_over_ma_la2, self.c48, fma(self.c35, t136, R::product_error(self.c35, A_beta_dot_Omega1_over_ma_la2)));
-        let t172 = A_beta_dot_Omega1_over_ma_la2 * A_l3_2;
-        let t173 = A_Omega1_Omega1_over_ma_la2 - t172;
-        let t174 = R::sum_error(A_Omega1_Omega1_over_ma_la2, -t172) + (R::sum_error(t142, t143) - fma(A_l3_2, t136, fma(A_beta_dot_Omega1_over_ma_la2, t171, R::product_error(A_beta_dot_Omega1_over_ma_la2, A_l3_2))));
-        let A_s2_3_3_over_ma_la2 = t173 + t174;
-        let t175 = A_s2_3_3_over_ma_la2.recip();
-        let t176 = fma(-t175, R::sum_error(t173, t174), R::ONE - t175 * A_s2_3_3_over_ma_la2 - R::product_error(t175, A_s2_3_3_over_ma_la2)) / A_s2_3_3_over_ma_la2;
-        let t177 = t144 * t175;
-        let t178 = fma(t175, t145, fma(t144, t176, R::product_error(t144, t175)));
-        let t179 = t144 * t177;
-        let t180 = A_Omega2_Omega2_over_ma_la2 - t179;
-        let t181 = R::sum_error(A_Omega2_Omega2_over_ma_la2, -t179) + (R::sum_error(t151, t152) - fma(t177, t145, fma(t144, t178, R::product_error(t144, t177))));
-        let A_s3_4_4_over_ma_la2 = t180 + t181;
-        let t182 = A_s3_4_4_over_ma_la2.recip();
-        let t183 = fma(-t182, R::sum_error(t180, t181), R::ONE - t182 * A_s3_4_4_over_ma_la2 - R::product_error(t182, A_s3_4_4_over_ma_la2)) / A_s3_4_4_over_ma_la2;
-        let t184 = t153 * t182;
-        let t185 = fma(t182, t154, fma(t153, t183, R::product_error(t153, t182)));
-        let t186 = t153 * t184;
-        let t187 = A_s1_5_5_over_ma_la2 - t186;
-        let t188 = R::sum_error(A_s1_5_5_over_ma_la2, -t186) + (R::sum_error(t169, t170) - fma(t184, t154, fma(t153, t185, R::product_error(t153, t184))));
-        let A_s4_5_5_over_ma_la2 = t187 + t188;
+        let t161 = t3 * self.c13;
+        let t162 = t161 + R::ONE;
+        let t163 = R::sum_error(t161, R::ONE) + fma(self.c13, t6, fma(t3, self.c39, R::product_error(t3, self.c13)));
+        let A_l5_1 = t162 + t163;
+        let t164 = t3 * t3;
+        let t165 = t8 * self.c14;
+        let t166 = t165 + self.c15;
+        let t167 = R::sum_error(t165, self.c15) + (fma(self.c14, t11, fma(t8, self.c40, R::product_error(t8, self.c14))) + self.c41);
+        let t168 = t166 + t167;
+        let t169 = t8 * t8;
+        let t170 = t169 + t168;
+        let t171 = R::sum_error(t169, t168) + (fma(t8, t11, fma(t8, t11, R::product_error(t8, t8))) + R::sum_error(t166, t167));
+        let t172 = t170 + t171;
+        let t173 = self.c16 * t164;
+        let t174 = t173 + t172;
+        let t175 = R::sum_error(t173, t172) + (fma(t164, self.c42, fma(self.c16, fma(t3, t6, fma(t3, t6, R::product_error(t3, t3))), R::product_error(self.c16, t164))) + R::sum_error(t170, t171));
+        let A_s1_5_5_over_mb_lb2 = t174 + t175;
+        let t176 = A_beta_dot_Omega1_over_mb_lb2 * A_beta_dot_Omega1_over_mb_lb2;
+        let t177 = fma(A_beta_dot_Omega1_over_mb_lb2, t142, fma(A_beta_dot_Omega1_over_mb_lb2, t142, R::product_error(A_beta_dot_Omega1_over_mb_lb2, A_beta_dot_Omega1_over_mb_lb2)));
+        let t178 = A_Omega1_Omega1_over_mb_lb2 - t176;
+        let t179 = R::sum_error(A_Omega1_Omega1_over_mb_lb2, -t176) + (R::sum_error(t148, t149) - t177);
+        let A_s2_3_3_over_mb_lb2 = t178 + t179;
+        let t180 = A_s2_3_3_over_mb_lb2.recip();
+        let t181 = fma(-t180, R::sum_error(t178, t179), R::ONE - t180 * A_s2_3_3_over_mb_lb2 - R::product_error(t180, A_s2_3_3_over_mb_lb2)) / A_s2_3_3_over_mb_lb2;
+        let t182 = t150 * t180;
+        let t183 = fma(t180, t151, fma(t150, t181, R::product_error(t150, t180)));
+        let t184 = t150 * t182;
+        let t185 = A_Omega2_Omega2_over_mb_lb2 - t184;
+        let t186 = R::sum_error(A_Omega2_Omega2_over_mb_lb2, -t184) + (R::sum_error(t157, t158) - fma(t182, t151, fma(t150, t183, R::product_error(t150, t182))));
+        let A_s3_4_4_over_mb_lb2 = t185 + t186;
+        let t187 = A_s3_4_4_over_mb_lb2.recip();
+        let t188 = fma(-t187, R::sum_error(t185, t186), R::ONE - t187 * A_s3_4_4_over_mb_lb2 - R::product_error(t187, A_s3_4_4_over_mb_lb2)) / A_s3_4_4_over_mb_lb2;
+        let t189 = t159 * t187;
+        let t190 = fma(t187, t160, fma(t159, t188, R::product_error(t159, t187)));
+        let t191 = t159 * t189;
+        let t192 = A_s1_5_5_over_mb_lb2 - t191;
+        let t193 = R::sum_error(A_s1_5_5_over_mb_lb2, -t191) + (R::sum_error(t174, t175) - fma(t189, t160, fma(t159, t190, R::product_error(t159, t189))));
+        let A_s4_5_5_over_mb_lb2 = t192 + t193;
         // substitution through the factors of A
-        let t189 = r_beta_dot_over_ma_la2 * A_l3_2;
-        let t190 = r_Omega1_over_ma_la2 - t189;
-        let t191 = R::sum_error(r_Omega1_over_ma_la2, -t189) + (R::sum_error(t106, t107) - fma(A_l3_2, R::sum_error(t92, t93), fma(r_beta_dot_over_ma_la2, t171, R::product_error(r_beta_dot_over_ma_la2, A_l3_2))));
-        let t192 = R::sum_error(t190, t191);
-        let z_Omega1_over_ma_la2 = t190 + t191;
-        let t193 = t177 * z_Omega1_over_ma_la2;
-        let t194 = t193 + r_Omega2_over_ma_la2;
-        let t195 = R::sum_error(t193, r_Omega2_over_ma_la2) + (fma(z_Omega1_over_ma_la2, t178, fma(t177, t192, R::product_error(t177, z_Omega1_over_ma_la2))) + R::sum_error(t114, t115));
-        let t196 = R::sum_error(t194, t195);
-        let z_Omega2_over_ma_la2 = t194 + t195;
-        let t197 = r_alpha_dot_over_ma_la2 * A_l5_1;
-        let t198 = r_Omega3_over_ma_la2 - t197;
-        let t199 = R::sum_error(t126, t127) - fma(A_l5_1, R::sum_error(t83, t84), fma(r_alpha_dot_over_ma_la2, R::sum_error(t156, t157), R::product_error(r_alpha_dot_over_ma_la2, A_l5_1)));
-        let t200 = R::sum_error(r_Omega3_over_ma_la2, -t197) + t199;
-        let t201 = t198 + t200;
-        let t202 = t184 * z_Omega2_over_ma_la2;
-        let t203 = t202 + t201;
-        let t204 = R::sum_error(t202, t201) + (fma(z_Omega2_over_ma_la2, t185, fma(t184, t196, R::product_error(t184, z_Omega2_over_ma_la2))) + R::sum_error(t198, t200));
-        let z_Omega3_over_ma_la2 = t203 + t204;
-        let dot_Omega3 = z_Omega3_over_ma_la2 / A_s4_5_5_over_ma_la2;
-        let t205 = fma(-dot_Omega3, R::sum_error(t187, t188), z_Omega3_over_ma_la2 - dot_Omega3 * A_s4_5_5_over_ma_la2 - R::product_error(dot_Omega3, A_s4_5_5_over_ma_la2) + R::sum_error(t203, t204));
-        let t206 = t205 / A_s4_5_5_over_ma_la2;
-        let t207 = z_Omega2_over_ma_la2 * t182;
-        let t208 = t184 * dot_Omega3;
+        let t194 = r_beta_dot_over_mb_lb2 * A_beta_dot_Omega1_over_mb_lb2;
+        let t195 = fma(A_beta_dot_Omega1_over_mb_lb2, R::sum_error(t98, t99), fma(r_beta_dot_over_mb_lb2, t142, R::product_error(r_beta_dot_over_mb_lb2, A_beta_dot_Omega1_over_mb_lb2)));
+        let t196 = r_Omega1_over_mb_lb2 - t194;
+        let t197 = R::sum_error(r_Omega1_over_mb_lb2, -t194) + (R::sum_error(t110, t111) - t195);
+        let t198 = R::sum_error(t196, t197);
+        let z_Omega1_over_mb_lb2 = t196 + t197;
+        let t199 = t182 * z_Omega1_over_mb_lb2;
+        let t200 = t199 + r_Omega2_over_mb_lb2;
+        let t201 = R::sum_error(t199, r_Omega2_over_mb_lb2) + (fma(z_Omega1_over_mb_lb2, t183, fma(t182, t198, R::product_error(t182, z_Omega1_over_mb_lb2))) + R::sum_error(t120, t121));
+        let t202 = R::sum_error(t200, t201);
+        let z_Omega2_over_mb_lb2 = t200 + t201;
+        let t203 = r_alpha_dot_over_mb_lb2 * A_l5_1;
+        let t204 = r_Omega3_over_mb_lb2 - t203;
+        let t205 = R::sum_error(t132, t133) - fma(A_l5_1, R::sum_error(t90, t91), fma(r_alpha_dot_over_mb_lb2, R::sum_error(t162, t163), R::product_error(r_alpha_dot_over_mb_lb2, A_l5_1)));
+        let t206 = R::sum_error(r_Omega3_over_mb_lb2, -t203) + t205;
+        let t207 = t204 + t206;
+        let t208 = t189 * z_Omega2_over_mb_lb2;
         let t209 = t208 + t207;
-        let t210 = fma(dot_Omega3, t185, fma(t184, t206, R::product_error(t184, dot_Omega3))) + fma(t182, t196, fma(z_Omega2_over_ma_la2, t183, R::product_error(z_Omega2_over_ma_la2, t182)));
-        let t211 = R::sum_error(t208, t207) + t210;
-        let t212 = R::sum_error(t209, t211);
-        let dot_Omega2 = t209 + t211;
-        let t213 = z_Omega1_over_ma_la2 * t175;
-        let t214 = t177 * dot_Omega2;
+        let t210 = R::sum_error(t208, t207) + (fma(z_Omega2_over_mb_lb2, t190, fma(t189, t202, R::product_error(t189, z_Omega2_over_mb_lb2))) + R::sum_error(t204, t206));
+        let z_Omega3_over_mb_lb2 = t209 + t210;
+        let dot_Omega3 = z_Omega3_over_mb_lb2 / A_s4_5_5_over_mb_lb2;
+        let t211 = fma(-dot_Omega3, R::sum_error(t192, t193), z_Omega3_over_mb_lb2 - dot_Omega3 * A_s4_5_5_over_mb_lb2 - R::product_error(dot_Omega3, A_s4_5_5_over_mb_lb2) + R::sum_error(t209, t210));
+        let t212 = t211 / A_s4_5_5_over_mb_lb2;
+        let t213 = z_Omega2_over_mb_lb2 * t187;
+        let t214 = t189 * dot_Omega3;
         let t215 = t214 + t213;
-        let t216 = fma(dot_Omega2, t178, fma(t177, t212, R::product_error(t177, dot_Omega2))) + fma(t175, t192, fma(z_Omega1_over_ma_la2, t176, R::product_error(z_Omega1_over_ma_la2, t175)));
+        let t216 = fma(dot_Omega3, t190, fma(t189, t212, R::product_error(t189, dot_Omega3))) + fma(t187, t202, fma(z_Omega2_over_mb_lb2, t188, R::product_error(z_Omega2_over_mb_lb2, t187)));
         let t217 = R::sum_error(t214, t213) + t216;
-        let dot_Omega1 = t215 + t217;
-        let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c36 * r_beta_dot_over_ma_la2);
-        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, r_alpha_dot_over_ma_la2);
-        let dot_Omega1_2 = dot_Omega1 + R::sum_error(t215, t217);
-        let dot_Omega2_2 = dot_Omega2 + t212;
-        let dot_Omega3_2 = dot_Omega3 + t206;
+        let t218 = R::sum_error(t215, t217);
+        let dot_Omega2 = t215 + t217;
+        let t219 = z_Omega1_over_mb_lb2 * t180;
+        let t220 = t182 * dot_Omega2;
+        let t221 = t220 + t219;
+        let t222 = fma(dot_Omega2, t183, fma(t182, t218, R::product_error(t182, dot_Omega2))) + fma(t180, t198, fma(z_Omega1_over_mb_lb2, t181, R::product_error(z_Omega1_over_mb_lb2, t180)));
+        let t223 = R::sum_error(t220, t219) + t222;
+        let dot_Omega1 = t221 + t223;
+        let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mb_lb2, dot_Omega1, r_beta_dot_over_mb_lb2);
+        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c31 * r_alpha_dot_over_mb_lb2);
+        let dot_Omega1_2 = dot_Omega1 + R::sum_error(t221, t223);
+        let dot_Omega2_2 = dot_Omega2 + t218;
+        let dot_Omega3_2 = dot_Omega3 + t212;
         *dy = [alpha_dot, beta_dot, dot_alpha_dot, dot_beta_dot, dot_Omega1_2, dot_Omega2_2, dot_Omega3_2];
     }
 
@@ -495,271 +496,274 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      cos_beta, sin_beta]
     /// ```
     ///
-    /// Operations: 1186 additions, 482 multiplications (107 fused), 6 divisions, 24 sign changes.
+    /// Operations: 1201 additions, 481 multiplications (106 fused), 6 divisions, 26 sign changes.
     #[inline]
     pub fn rhs_on_circles(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, cos_alpha, sin_alpha, cos_beta, sin_beta] = *y;
         let _ = t;
         // velocities v in squares m/2 |v|^2
-        let t0 = R::circle_error(sin_alpha, cos_alpha);
-        let t1 = t0 * sin_alpha;
-        let t2 = t0 * cos_alpha;
-        let t3 = R::circle_error(sin_beta, cos_beta);
-        let t4 = t3 * sin_beta;
-        let t5 = t3 * cos_beta;
-        let t6 = alpha_dot + Omega3;
-        let t7 = R::sum_error(alpha_dot, Omega3);
-        let v1_1_over_5_la = sin_alpha * t6;
-        let t8 = cos_alpha * t6;
-        let t9 = fma(t6, t2, fma(cos_alpha, t7, R::product_error(cos_alpha, t6)));
-        let t10 = Omega3 * self.c0;
-        let t11 = t10 + t8;
-        let t12 = R::sum_error(t10, t8) + (R::product_error(Omega3, self.c0) + t9);
-        let v1_2_over_5_la = t11 + t12;
-        let t13 = self.c0 + cos_alpha;
-        let t14 = R::sum_error(self.c0, cos_alpha) + t2;
-        let t15 = R::sum_error(t13, t14);
-        let t16 = t13 + t14;
-        let v1_3_over_5_la = fma(-Omega2, t16, Omega1 * sin_alpha);
-        let t17 = sin_beta * self.c1;
-        let t18 = t17 + self.c2;
-        let t19 = R::sum_error(t17, self.c2) + fma(self.c1, t4, fma(sin_beta, self.c37, R::product_error(sin_beta, self.c1)));
-        let t20 = R::sum_error(t18, t19);
-        let t21 = t18 + t19;
-        let t22 = self.c3 * t21;
-        let t23 = fma(t21, self.c39, fma(self.c3, t20, R::product_error(self.c3, t21)));
-        let t24 = self.c4 + cos_beta;
-        let t25 = R::sum_error(self.c4, cos_beta) + (self.c40 + t5);
-        let t26 = R::sum_error(t24, t25);
-        let t27 = t24 + t25;
-        let v2_1_over_10_lb = fma(Omega2, t22, -(Omega3 * t27));
-        let t28 = beta_dot * sin_beta;
-        let t29 = fma(beta_dot, t4, R::product_error(beta_dot, sin_beta));
-        let t30 = Omega1 * t22;
-        let t31 = t30 + t28;
-        let t32 = R::sum_error(t30, t28) + (fma(Omega1, t23, R::product_error(Omega1, t22)) + t29);
-        let v2_2_over_10_lb = t31 + t32;
-        let t33 = beta_dot * cos_beta;
-        let t34 = Omega1 * t27;
-        let t35 = t34 + t33;
-        let t36 = R::sum_error(t34, t33) + fma(Omega1, t26, R::product_error(Omega1, t27));
-        let v2_3_over_10_lb = t35 + t36;
+        let t0 = alpha_dot + Omega3;
+        let t1 = R::sum_error(alpha_dot, Omega3);
+        let t2 = R::circle_error(sin_alpha, cos_alpha);
+        let t3 = t2 * sin_alpha;
+        let t4 = t2 * cos_alpha;
+        let t5 = R::circle_error(sin_beta, cos_beta);
+        let t6 = t5 * sin_beta;
+        let t7 = t5 * cos_beta;
+        let t8 = self.c0 * sin_alpha;
+        let t9 = fma(sin_alpha, self.c32, fma(self.c0, t3, R::product_error(self.c0, sin_alpha)));
+        let v1_1_scaled = t0 * t8;
+        let t10 = self.c0 * alpha_dot;
+        let t11 = fma(alpha_dot, self.c32, R::product_error(self.c0, alpha_dot));
+        let t12 = cos_alpha * t10;
+        let t13 = fma(t10, t4, fma(cos_alpha, t11, R::product_error(cos_alpha, t10)));
+        let t14 = cos_alpha * self.c0;
+        let t15 = t14 + self.c1;
+        let t16 = R::sum_error(t14, self.c1) + (fma(self.c0, t4, fma(cos_alpha, self.c32, R::product_error(cos_alpha, self.c0))) + self.c33);
+        let t17 = R::sum_error(t15, t16);
+        let t18 = t15 + t16;
+        let t19 = Omega3 * t18;
+        let t20 = t19 + t12;
+        let t21 = R::sum_error(t19, t12) + (fma(Omega3, t17, R::product_error(Omega3, t18)) + t13);
+        let v1_2_scaled = t20 + t21;
+        let v1_3_scaled = fma(-Omega2, t18, Omega1 * t8);
+        let t22 = self.c2 + sin_beta;
+        let t23 = R::sum_error(self.c2, sin_beta) + t6;
+        let t24 = R::sum_error(t22, t23);
+        let t25 = t22 + t23;
+        let t26 = self.c3 + cos_beta;
+        let t27 = R::sum_error(self.c3, cos_beta) + (self.c35 + t7);
+        let t28 = R::sum_error(t26, t27);
+        let t29 = t26 + t27;
+        let v2_1_over_10_lb = fma(-Omega3, t29, Omega2 * t25);
+        let t30 = beta_dot * sin_beta;
+        let t31 = fma(beta_dot, t6, R::product_error(beta_dot, sin_beta));
+        let t32 = Omega1 * t25;
+        let t33 = t32 + t30;
+        let t34 = R::sum_error(t32, t30) + (fma(Omega1, t24, R::product_error(Omega1, t25)) + t31);
+        let v2_2_over_10_lb = t33 + t34;
+        let t35 = beta_dot * cos_beta;
+        let t36 = Omega1 * t29;
+        let t37 = t36 + t35;
+        let t38 = R::sum_error(t36, t35) + fma(Omega1, t28, R::product_error(Omega1, t29));
+        let v2_3_over_10_lb = t37 + t38;
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let t37 = alpha_dot * t8;
-        let t38 = Omega3 * v1_2_over_5_la;
-        let t39 = t38 + t37;
-        let t40 = R::sum_error(t38, t37) + (fma(Omega3, R::sum_error(t11, t12), R::product_error(Omega3, v1_2_over_5_la)) + fma(alpha_dot, t9, R::product_error(alpha_dot, t8)));
-        let t41 = t39 + t40;
-        let t42 = Omega2 * v1_3_over_5_la;
-        let t43 = t41 - t42;
-        let t44 = R::sum_error(t41, -t42) + (R::sum_error(t39, t40) - R::product_error(Omega2, v1_3_over_5_la));
-        let a1_1_over_5_la = t43 + t44;
-        let t45 = t6 * v1_1_over_5_la;
-        let t46 = Omega1 * v1_3_over_5_la;
-        let t47 = t46 + t45;
-        let t48 = R::product_error(Omega1, v1_3_over_5_la) + fma(v1_1_over_5_la, t7, fma(t6, fma(t6, t1, fma(sin_alpha, t7, R::product_error(sin_alpha, t6))), R::product_error(t6, v1_1_over_5_la)));
-        let t49 = R::sum_error(t46, t45) + t48;
-        let a1_2_over_5_la = -(t47 + t49);
-        let t50 = -R::sum_error(t47, t49);
-        let a1_3_over_5_la = fma(Omega1, fma(alpha_dot, cos_alpha, v1_2_over_5_la), Omega2 * fma(alpha_dot, sin_alpha, v1_1_over_5_la));
-        let a2_1_over_10_lb = fma(Omega3, t28 + v2_2_over_10_lb, Omega2 * (t33 + v2_3_over_10_lb));
-        let t51 = beta_dot + Omega1;
-        let t52 = t33 * t51;
-        let t53 = Omega1 * v2_3_over_10_lb;
-        let t54 = t53 + t52;
-        let t55 = fma(Omega1, R::sum_error(t35, t36), R::product_error(Omega1, v2_3_over_10_lb)) + fma(t51, fma(beta_dot, t5, R::product_error(beta_dot, cos_beta)), R::product_error(t33, t51));
-        let t56 = R::sum_error(t53, t52) + t55;
-        let t57 = t54 + t56;
-        let t58 = Omega3 * v2_1_over_10_lb;
-        let t59 = t57 - t58;
-        let t60 = R::sum_error(t57, -t58) + (R::sum_error(t54, t56) - R::product_error(Omega3, v2_1_over_10_lb));
-        let t61 = R::sum_error(t59, t60);
-        let a2_2_over_10_lb = t59 + t60;
-        let t62 = t28 * t51;
-        let t63 = Omega1 * v2_2_over_10_lb;
-        let t64 = t63 + t62;
-        let t65 = R::sum_error(t63, t62) + (fma(Omega1, R::sum_error(t31, t32), R::product_error(Omega1, v2_2_over_10_lb)) + fma(t51, t29, R::product_error(t28, t51)));
-        let t66 = -(t64 + t65);
-        let t67 = Omega2 * v2_1_over_10_lb;
-        let t68 = t66 - t67;
-        let t69 = R::sum_error(t66, -t67) + (-R::sum_error(t64, t65) - R::product_error(Omega2, v2_1_over_10_lb));
-        let t70 = R::sum_error(t68, t69);
-        let a2_3_over_10_lb = t68 + t69;
+        let t39 = t0 * t12;
+        let t40 = Omega3 * v1_2_scaled;
+        let t41 = t40 + t39;
+        let t42 = R::sum_error(t40, t39) + (fma(Omega3, R::sum_error(t20, t21), R::product_error(Omega3, v1_2_scaled)) + fma(t12, t1, fma(t0, t13, R::product_error(t0, t12))));
+        let t43 = t41 + t42;
+        let t44 = Omega2 * v1_3_scaled;
+        let t45 = t43 - t44;
+        let t46 = R::sum_error(t43, -t44) + (R::sum_error(t41, t42) - R::product_error(Omega2, v1_3_scaled));
+        let a1_1_scaled = t45 + t46;
+        let t47 = sin_alpha * t10;
+        let t48 = t0 * t47;
+        let t49 = Omega3 * v1_1_scaled;
+        let t50 = t49 + t48;
+        let t51 = fma(Omega3, fma(t8, t1, fma(t0, t9, R::product_error(t0, t8))), R::product_error(Omega3, v1_1_scaled)) + fma(t47, t1, fma(t0, fma(t10, t3, fma(sin_alpha, t11, R::product_error(sin_alpha, t10))), R::product_error(t0, t47)));
+        let t52 = R::sum_error(t49, t48) + t51;
+        let t53 = -(t50 + t52);
+        let t54 = Omega1 * v1_3_scaled;
+        let t55 = t53 - t54;
+        let t56 = R::sum_error(t53, -t54) + (-R::sum_error(t50, t52) - R::product_error(Omega1, v1_3_scaled));
+        let t57 = R::sum_error(t55, t56);
+        let a1_2_scaled = t55 + t56;
+        let a1_3_scaled = fma(Omega2, t47 + v1_1_scaled, Omega1 * (t12 + v1_2_scaled));
+        let a2_1_over_10_lb = fma(Omega2, t35 + v2_3_over_10_lb, Omega3 * (t30 + v2_2_over_10_lb));
+        let t58 = beta_dot + Omega1;
+        let t59 = t35 * t58;
+        let t60 = Omega1 * v2_3_over_10_lb;
+        let t61 = t60 + t59;
+        let t62 = fma(Omega1, R::sum_error(t37, t38), R::product_error(Omega1, v2_3_over_10_lb)) + fma(t58, fma(beta_dot, t7, R::product_error(beta_dot, cos_beta)), R::product_error(t35, t58));
+        let t63 = R::sum_error(t60, t59) + t62;
+        let t64 = t61 + t63;
+        let t65 = Omega3 * v2_1_over_10_lb;
+        let t66 = t64 - t65;
+        let t67 = R::sum_error(t64, -t65) + (R::sum_error(t61, t63) - R::product_error(Omega3, v2_1_over_10_lb));
+        let t68 = R::sum_error(t66, t67);
+        let a2_2_over_10_lb = t66 + t67;
+        let t69 = t30 * t58;
+        let t70 = Omega1 * v2_2_over_10_lb;
+        let t71 = t70 + t69;
+        let t72 = R::sum_error(t70, t69) + (fma(Omega1, R::sum_error(t33, t34), R::product_error(Omega1, v2_2_over_10_lb)) + fma(t58, t31, R::product_error(t30, t58)));
+        let t73 = -(t71 + t72);
+        let t74 = Omega2 * v2_1_over_10_lb;
+        let t75 = t73 - t74;
+        let t76 = R::sum_error(t73, -t74) + (-R::sum_error(t71, t72) - R::product_error(Omega2, v2_1_over_10_lb));
+        let t77 = R::sum_error(t75, t76);
+        let a2_3_over_10_lb = t75 + t76;
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t71 = sin_alpha * a1_1_over_5_la;
-        let t72 = fma(a1_1_over_5_la, t1, fma(sin_alpha, R::sum_error(t43, t44), R::product_error(sin_alpha, a1_1_over_5_la)));
-        let t73 = alpha * self.c5;
-        let t74 = t73 - t71;
-        let t75 = -t71;
-        let t76 = R::sum_error(t73, t75) + (R::product_error(alpha, self.c5) - t72);
-        let t77 = t74 + t76;
-        let t78 = cos_alpha * a1_2_over_5_la;
-        let t79 = t77 - t78;
-        let t80 = R::sum_error(t77, -t78) + (R::sum_error(t74, t76) - fma(a1_2_over_5_la, t2, fma(cos_alpha, t50, R::product_error(cos_alpha, a1_2_over_5_la))));
-        let r_alpha_dot_over_ma_la2 = t79 + t80;
-        let t81 = sin_beta * a2_2_over_10_lb;
-        let t82 = cos_beta * a2_3_over_10_lb;
-        let t83 = t82 + t81;
-        let t84 = fma(a2_3_over_10_lb, t5, fma(cos_beta, t70, R::product_error(cos_beta, a2_3_over_10_lb))) + fma(a2_2_over_10_lb, t4, fma(sin_beta, t61, R::product_error(sin_beta, a2_2_over_10_lb)));
-        let t85 = R::sum_error(t82, t81) + t84;
-        let t86 = t83 + t85;
-        let t87 = self.c6 * beta;
-        let t88 = self.c33 * t86;
-        let t89 = t87 - t88;
-        let t90 = R::sum_error(t87, -t88) + -fma(t86, self.c46, fma(self.c33, R::sum_error(t83, t85), R::product_error(self.c33, t86)));
-        let r_beta_dot_over_ma_la2 = t89 + t90;
-        let t91 = self.c1 * t27;
-        let t92 = fma(t27, self.c37, fma(self.c1, t26, R::product_error(self.c1, t27)));
-        let t93 = self.c7 * Omega3 * Omega2;
-        let t94 = sin_alpha * a1_3_over_5_la;
-        let t95 = t93 - t94;
-        let t96 = R::sum_error(t93, -t94) + -fma(a1_3_over_5_la, t1, R::product_error(sin_alpha, a1_3_over_5_la));
-        let t97 = t95 + t96;
-        let t98 = t21 * a2_2_over_10_lb;
-        let t99 = t97 - t98;
-        let t100 = R::sum_error(t97, -t98) + (R::sum_error(t95, t96) - fma(a2_2_over_10_lb, t20, fma(t21, t61, R::product_error(t21, a2_2_over_10_lb))));
-        let t101 = t99 + t100;
-        let t102 = a2_3_over_10_lb * t91;
-        let t103 = t101 - t102;
-        let t104 = R::sum_error(t101, -t102) + (R::sum_error(t99, t100) - fma(t91, t70, fma(a2_3_over_10_lb, t92, R::product_error(a2_3_over_10_lb, t91))));
-        let r_Omega1_over_ma_la2 = t103 + t104;
-        let t105 = self.c8 * Omega3 * Omega1;
-        let t106 = t16 * a1_3_over_5_la;
-        let t107 = t106 + t105;
-        let t108 = R::sum_error(t106, t105) + fma(a1_3_over_5_la, t15, R::product_error(t16, a1_3_over_5_la));
-        let t109 = t107 + t108;
-        let t110 = t21 * a2_1_over_10_lb;
-        let t111 = t109 - t110;
-        let t112 = R::sum_error(t109, -t110) + (R::sum_error(t107, t108) - fma(a2_1_over_10_lb, t20, R::product_error(t21, a2_1_over_10_lb)));
-        let r_Omega2_over_ma_la2 = t111 + t112;
-        let t113 = self.c9 * Omega2;
-        let t114 = Omega1 * t113;
-        let t115 = t114 - t71;
-        let t116 = R::sum_error(t114, t75) + (R::product_error(Omega1, t113) - t72);
-        let t117 = t115 + t116;
-        let t118 = t16 * a1_2_over_5_la;
-        let t119 = t117 - t118;
-        let t120 = R::sum_error(t117, -t118) + (R::sum_error(t115, t116) - fma(a1_2_over_5_la, t15, fma(t16, t50, R::product_error(t16, a1_2_over_5_la))));
-        let t121 = t119 + t120;
-        let t122 = a2_1_over_10_lb * t91;
-        let t123 = t122 + t121;
-        let t124 = R::sum_error(t122, t121) + (fma(a2_1_over_10_lb, t92, R::product_error(a2_1_over_10_lb, t91)) + R::sum_error(t119, t120));
-        let r_Omega3_over_ma_la2 = t123 + t124;
+        let t78 = sin_alpha * a1_1_scaled;
+        let t79 = fma(a1_1_scaled, t3, fma(sin_alpha, R::sum_error(t45, t46), R::product_error(sin_alpha, a1_1_scaled)));
+        let t80 = alpha * self.c4;
+        let t81 = t80 - t78;
+        let t82 = -t78;
+        let t83 = R::sum_error(t80, t82) + (R::product_error(alpha, self.c4) - t79);
+        let t84 = t81 + t83;
+        let t85 = cos_alpha * a1_2_scaled;
+        let t86 = t84 - t85;
+        let t87 = R::sum_error(t84, -t85) + (R::sum_error(t81, t83) - fma(a1_2_scaled, t4, fma(cos_alpha, t57, R::product_error(cos_alpha, a1_2_scaled))));
+        let r_alpha_dot_over_mb_lb2 = t86 + t87;
+        let t88 = self.c5 * beta;
+        let t89 = sin_beta * a2_2_over_10_lb;
+        let t90 = t88 - t89;
+        let t91 = R::sum_error(t88, -t89) + -fma(a2_2_over_10_lb, t6, fma(sin_beta, t68, R::product_error(sin_beta, a2_2_over_10_lb)));
+        let t92 = t90 + t91;
+        let t93 = cos_beta * a2_3_over_10_lb;
+        let t94 = t92 - t93;
+        let t95 = R::sum_error(t92, -t93) + (R::sum_error(t90, t91) - fma(a2_3_over_10_lb, t7, fma(cos_beta, t77, R::product_error(cos_beta, a2_3_over_10_lb))));
+        let r_beta_dot_over_mb_lb2 = t94 + t95;
+        let t96 = self.c6 * Omega3 * Omega2;
+        let t97 = t25 * a2_2_over_10_lb;
+        let t98 = t96 - t97;
+        let t99 = R::sum_error(t96, -t97) + -fma(a2_2_over_10_lb, t24, fma(t25, t68, R::product_error(t25, a2_2_over_10_lb)));
+        let t100 = t98 + t99;
+        let t101 = t29 * a2_3_over_10_lb;
+        let t102 = t100 - t101;
+        let t103 = R::sum_error(t100, -t101) + (R::sum_error(t98, t99) - fma(a2_3_over_10_lb, t28, fma(t29, t77, R::product_error(t29, a2_3_over_10_lb))));
+        let t104 = t102 + t103;
+        let t105 = sin_alpha * a1_3_scaled;
+        let t106 = t104 - t105;
+        let t107 = R::sum_error(t104, -t105) + (R::sum_error(t102, t103) - fma(a1_3_scaled, t3, R::product_error(sin_alpha, a1_3_scaled)));
+        let r_Omega1_over_mb_lb2 = t106 + t107;
+        let t108 = self.c7 * t18;
+        let t109 = fma(t18, self.c36, fma(self.c7, t17, R::product_error(self.c7, t18)));
+        let t110 = self.c8 * Omega3 * Omega1;
+        let t111 = a1_3_scaled * t108;
+        let t112 = t111 + t110;
+        let t113 = R::sum_error(t111, t110) + fma(a1_3_scaled, t109, R::product_error(a1_3_scaled, t108));
+        let t114 = t112 + t113;
+        let t115 = t25 * a2_1_over_10_lb;
+        let t116 = t114 - t115;
+        let t117 = R::sum_error(t114, -t115) + (R::sum_error(t112, t113) - fma(a2_1_over_10_lb, t24, R::product_error(t25, a2_1_over_10_lb)));
+        let r_Omega2_over_mb_lb2 = t116 + t117;
+        let t118 = self.c9 * Omega2;
+        let t119 = Omega1 * t118;
+        let t120 = t119 - t78;
+        let t121 = R::sum_error(t119, t82) + (R::product_error(Omega1, t118) - t79);
+        let t122 = t120 + t121;
+        let t123 = a1_2_scaled * t108;
+        let t124 = t122 - t123;
+        let t125 = R::sum_error(t122, -t123) + (R::sum_error(t120, t121) - fma(t108, t57, fma(a1_2_scaled, t109, R::product_error(a1_2_scaled, t108))));
+        let t126 = t124 + t125;
+        let t127 = t29 * a2_1_over_10_lb;
+        let t128 = t127 + t126;
+        let t129 = R::sum_error(t127, t126) + (fma(a2_1_over_10_lb, t28, R::product_error(t29, a2_1_over_10_lb)) + R::sum_error(t124, t125));
+        let r_Omega3_over_mb_lb2 = t128 + t129;
         // mass matrix A = W^T L_yy Psi
-        let t125 = cos_beta * R::from_f64(2.5);
-        let t126 = t125 + sin_beta;
-        let t127 = R::sum_error(t125, sin_beta) + (fma(R::from_f64(2.5), t5, R::product_error(cos_beta, R::from_f64(2.5))) + t4);
-        let t128 = R::sum_error(t126, t127);
-        let t129 = t126 + t127;
-        let t130 = t129 * self.c2;
-        let t131 = t130 + self.c1;
-        let t132 = R::sum_error(t130, self.c1) + (fma(self.c2, t128, fma(t129, self.c38, R::product_error(t129, self.c2))) + self.c37);
+        let t130 = cos_beta * R::from_f64(2.5);
+        let t131 = t130 + sin_beta;
+        let t132 = R::sum_error(t130, sin_beta) + (fma(R::from_f64(2.5), t7, R::product_error(cos_beta, R::from_f64(2.5))) + t6);
         let t133 = R::sum_error(t131, t132);
-        let A_beta_dot_Omega1_over_ma_la2 = t131 + t132;
-        let t134 = sin_alpha * sin_alpha;
-        let t135 = t134 + self.c10;
-        let t136 = R::sum_error(t134, self.c10) + (fma(sin_alpha, t1, fma(sin_alpha, t1, R::product_error(sin_alpha, sin_alpha))) + self.c41);
-        let t137 = t135 + t136;
-        let t138 = t129 * self.c11;
-        let t139 = t138 + t137;
-        let t140 = R::sum_error(t138, t137) + (fma(self.c11, t128, fma(t129, self.c42, R::product_error(t129, self.c11))) + R::sum_error(t135, t136));
-        let A_Omega1_Omega1_over_ma_la2 = t139 + t140;
-        let t141 = sin_alpha * t16;
-        let t142 = fma(t16, t1, fma(sin_alpha, t15, R::product_error(sin_alpha, t16)));
-        let t143 = t16 * t16;
-        let t144 = t143 + self.c12;
-        let t145 = R::sum_error(t143, self.c12) + fma(t16, t15, fma(t16, t15, R::product_error(t16, t16)));
-        let t146 = t144 + t145;
-        let t147 = t21 * t22;
-        let t148 = t147 + t146;
-        let t149 = R::sum_error(t147, t146) + (fma(t22, t20, fma(t21, t23, R::product_error(t21, t22))) + R::sum_error(t144, t145));
-        let A_Omega2_Omega2_over_ma_la2 = t148 + t149;
-        let t150 = t27 * t21;
-        let t151 = fma(t21, t26, fma(t27, t20, R::product_error(t27, t21)));
+        let t134 = t131 + t132;
+        let t135 = t134 * self.c2;
+        let t136 = t135 + R::ONE;
+        let t137 = R::sum_error(t135, R::ONE) + fma(self.c2, t133, fma(t134, self.c34, R::product_error(t134, self.c2)));
+        let t138 = R::sum_error(t136, t137);
+        let A_beta_dot_Omega1_over_mb_lb2 = t136 + t137;
+        let t139 = t134 * self.c10;
+        let t140 = t139 + self.c11;
+        let t141 = R::sum_error(t139, self.c11) + (fma(self.c10, t133, fma(t134, self.c37, R::product_error(t134, self.c10))) + self.c38);
+        let t142 = t140 + t141;
+        let t143 = sin_alpha * t8;
+        let t144 = t143 + t142;
+        let t145 = R::sum_error(t143, t142) + (fma(t8, t3, fma(sin_alpha, t9, R::product_error(sin_alpha, t8))) + R::sum_error(t140, t141));
+        let A_Omega1_Omega1_over_mb_lb2 = t144 + t145;
+        let t146 = sin_alpha * t18;
+        let t147 = fma(t18, t3, fma(sin_alpha, t17, R::product_error(sin_alpha, t18)));
+        let t148 = t25 * t25;
+        let t149 = t148 + self.c12;
+        let t150 = R::sum_error(t148, self.c12) + fma(t25, t24, fma(t25, t24, R::product_error(t25, t25)));
+        let t151 = t149 + t150;
+        let t152 = t18 * t108;
+        let t153 = t152 + t151;
+        let t154 = R::sum_error(t152, t151) + (fma(t108, t17, fma(t18, t109, R::product_error(t18, t108))) + R::sum_error(t149, t150));
+        let A_Omega2_Omega2_over_mb_lb2 = t153 + t154;
+        let t155 = t29 * t25;
+        let t156 = fma(t25, t28, fma(t29, t24, R::product_error(t29, t25)));
         // factors of A
-        let t152 = cos_alpha * self.c0;
-        let t153 = t152 + R::ONE;
-        let t154 = R::sum_error(t152, R::ONE) + fma(self.c0, t2, R::product_error(cos_alpha, self.c0));
-        let A_l5_1 = t153 + t154;
-        let t155 = cos_beta * cos_beta;
-        let t156 = cos_alpha * cos_alpha;
-        let t157 = cos_beta * self.c13;
-        let t158 = t157 + self.c14;
-        let t159 = R::sum_error(t157, self.c14) + (fma(self.c13, t5, fma(cos_beta, self.c43, R::product_error(cos_beta, self.c13))) + self.c44);
-        let t160 = t158 + t159;
-        let t161 = self.c34 * t155;
-        let t162 = t161 + t160;
-        let t163 = fma(t155, self.c47, fma(self.c34, fma(cos_beta, t5, fma(cos_beta, t5, R::product_error(cos_beta, cos_beta))), R::product_error(self.c34, t155))) + R::sum_error(t158, t159);
-        let t164 = R::sum_error(t161, t160) + t163;
-        let t165 = t162 + t164;
-        let t166 = self.c15 * t156;
-        let t167 = t166 + t165;
-        let t168 = fma(t156, self.c45, fma(self.c15, fma(cos_alpha, t2, fma(cos_alpha, t2, R::product_error(cos_alpha, cos_alpha))), R::product_error(self.c15, t156))) + R::sum_error(t162, t164);
-        let t169 = R::sum_error(t166, t165) + t168;
-        let A_s1_5_5_over_ma_la2 = t167 + t169;
-        let A_l3_2 = self.c35 * A_beta_dot_Omega1_over_ma_la2;
-        let t170 = fma(A_beta_dot_Omega1_over_ma_la2, self.c48, fma(self.c35, t133, R::product_error(self.c35, A_beta_dot_Omega1_over_ma_la2)));
-        let t171 = A_beta_dot_Omega1_over_ma_la2 * A_l3_2;
-        let t172 = A_Omega1_Omega1_over_ma_la2 - t171;
-        let t173 = R::sum_error(A_Omega1_Omega1_over_ma_la2, -t171) + (R::sum_error(t139, t140) - fma(A_l3_2, t133, fma(A_beta_dot_Omega1_over_ma_la2, t170, R::product_error(A_beta_dot_Omega1_over_ma_la2, A_l3_2))));
-        let A_s2_3_3_over_ma_la2 = t172 + t173;
-        let t174 = A_s2_3_3_over_ma_la2.recip();
-        let t175 = fma(-t174, R::sum_error(t172, t173), R::ONE - t174 * A_s2_3_3_over_ma_la2 - R::product_error(t174, A_s2_3_3_over_ma_la2)) / A_s2_3_3_over_ma_la2;
-        let t176 = t141 * t174;
-        let t177 = fma(t174, t142, fma(t141, t175, R::product_error(t141, t174)));
-        let t178 = t141 * t176;
-        let t179 = A_Omega2_Omega2_over_ma_la2 - t178;
-        let t180 = R::sum_error(A_Omega2_Omega2_over_ma_la2, -t178) + (R::sum_error(t148, t149) - fma(t176, t142, fma(t141, t177, R::product_error(t141, t176))));
-        let A_s3_4_4_over_ma_la2 = t179 + t180;
-        let t181 = A_s3_4_4_over_ma_la2.recip();
-        let t182 = fma(-t181, R::sum_error(t179, t180), R::ONE - t181 * A_s3_4_4_over_ma_la2 - R::product_error(t181, A_s3_4_4_over_ma_la2)) / A_s3_4_4_over_ma_la2;
-        let t183 = t150 * t181;
-        let t184 = fma(t181, t151, fma(t150, t182, R::product_error(t150, t181)));
-        let t185 = t150 * t183;
-        let t186 = A_s1_5_5_over_ma_la2 - t185;
-        let t187 = R::sum_error(A_s1_5_5_over_ma_la2, -t185) + (R::sum_error(t167, t169) - fma(t183, t151, fma(t150, t184, R::product_error(t150, t183))));
-        let A_s4_5_5_over_ma_la2 = t186 + t187;
+        let t157 = cos_alpha * self.c13;
+        let t158 = t157 + R::ONE;
+        let t159 = R::sum_error(t157, R::ONE) + fma(self.c13, t4, fma(cos_alpha, self.c39, R::product_error(cos_alpha, self.c13)));
+        let A_l5_1 = t158 + t159;
+        let t160 = cos_alpha * cos_alpha;
+        let t161 = cos_beta * self.c14;
+        let t162 = t161 + self.c15;
+        let t163 = R::sum_error(t161, self.c15) + (fma(self.c14, t7, fma(cos_beta, self.c40, R::product_error(cos_beta, self.c14))) + self.c41);
+        let t164 = t162 + t163;
+        let t165 = cos_beta * cos_beta;
+        let t166 = t165 + t164;
+        let t167 = R::sum_error(t165, t164) + (fma(cos_beta, t7, fma(cos_beta, t7, R::product_error(cos_beta, cos_beta))) + R::sum_error(t162, t163));
+        let t168 = t166 + t167;
+        let t169 = self.c16 * t160;
+        let t170 = t169 + t168;
+        let t171 = fma(t160, self.c42, fma(self.c16, fma(cos_alpha, t4, fma(cos_alpha, t4, R::product_error(cos_alpha, cos_alpha))), R::product_error(self.c16, t160))) + R::sum_error(t166, t167);
+        let t172 = R::sum_error(t169, t168) + t171;
+        let A_s1_5_5_over_mb_lb2 = t170 + t172;
+        let t173 = A_beta_dot_Omega1_over_mb_lb2 * A_beta_dot_Omega1_over_mb_lb2;
+        let t174 = fma(A_beta_dot_Omega1_over_mb_lb2, t138, fma(A_beta_dot_Omega1_over_mb_lb2, t138, R::product_error(A_beta_dot_Omega1_over_mb_lb2, A_beta_dot_Omega1_over_mb_lb2)));
+        let t175 = A_Omega1_Omega1_over_mb_lb2 - t173;
+        let t176 = R::sum_error(A_Omega1_Omega1_over_mb_lb2, -t173) + (R::sum_error(t144, t145) - t174);
+        let A_s2_3_3_over_mb_lb2 = t175 + t176;
+        let t177 = A_s2_3_3_over_mb_lb2.recip();
+        let t178 = fma(-t177, R::sum_error(t175, t176), R::ONE - t177 * A_s2_3_3_over_mb_lb2 - R::product_error(t177, A_s2_3_3_over_mb_lb2)) / A_s2_3_3_over_mb_lb2;
+        let t179 = t146 * t177;
+        let t180 = fma(t177, t147, fma(t146, t178, R::product_error(t146, t177)));
+        let t181 = t146 * t179;
+        let t182 = A_Omega2_Omega2_over_mb_lb2 - t181;
+        let t183 = R::sum_error(A_Omega2_Omega2_over_mb_lb2, -t181) + (R::sum_error(t153, t154) - fma(t179, t147, fma(t146, t180, R::product_error(t146, t179))));
+        let A_s3_4_4_over_mb_lb2 = t182 + t183;
+        let t184 = A_s3_4_4_over_mb_lb2.recip();
+        let t185 = fma(-t184, R::sum_error(t182, t183), R::ONE - t184 * A_s3_4_4_over_mb_lb2 - R::product_error(t184, A_s3_4_4_over_mb_lb2)) / A_s3_4_4_over_mb_lb2;
+        let t186 = t155 * t184;
+        let t187 = fma(t184, t156, fma(t155, t185, R::product_error(t155, t184)));
+        let t188 = t155 * t186;
+        let t189 = A_s1_5_5_over_mb_lb2 - t188;
+        let t190 = R::sum_error(A_s1_5_5_over_mb_lb2, -t188) + (R::sum_error(t170, t172) - fma(t186, t156, fma(t155, t187, R::product_error(t155, t186))));
+        let A_s4_5_5_over_mb_lb2 = t189 + t190;
         // substitution through the factors of A
-        let t188 = r_beta_dot_over_ma_la2 * A_l3_2;
-        let t189 = r_Omega1_over_ma_la2 - t188;
-        let t190 = R::sum_error(r_Omega1_over_ma_la2, -t188) + (R::sum_error(t103, t104) - fma(A_l3_2, R::sum_error(t89, t90), fma(r_beta_dot_over_ma_la2, t170, R::product_error(r_beta_dot_over_ma_la2, A_l3_2))));
-        let t191 = R::sum_error(t189, t190);
-        let z_Omega1_over_ma_la2 = t189 + t190;
-        let t192 = t176 * z_Omega1_over_ma_la2;
-        let t193 = t192 + r_Omega2_over_ma_la2;
-        let t194 = R::sum_error(t192, r_Omega2_over_ma_la2) + (fma(z_Omega1_over_ma_la2, t177, fma(t176, t191, R::product_error(t176, z_Omega1_over_ma_la2))) + R::sum_error(t111, t112));
+        let t191 = r_beta_dot_over_mb_lb2 * A_beta_dot_Omega1_over_mb_lb2;
+        let t192 = fma(A_beta_dot_Omega1_over_mb_lb2, R::sum_error(t94, t95), fma(r_beta_dot_over_mb_lb2, t138, R::product_error(r_beta_dot_over_mb_lb2, A_beta_dot_Omega1_over_mb_lb2)));
+        let t193 = r_Omega1_over_mb_lb2 - t191;
+        let t194 = R::sum_error(r_Omega1_over_mb_lb2, -t191) + (R::sum_error(t106, t107) - t192);
         let t195 = R::sum_error(t193, t194);
-        let z_Omega2_over_ma_la2 = t193 + t194;
-        let t196 = r_alpha_dot_over_ma_la2 * A_l5_1;
-        let t197 = r_Omega3_over_ma_la2 - t196;
-        let t198 = R::sum_error(t123, t124) - fma(A_l5_1, R::sum_error(t79, t80), fma(r_alpha_dot_over_ma_la2, R::sum_error(t153, t154), R::product_error(r_alpha_dot_over_ma_la2, A_l5_1)));
-        let t199 = R::sum_error(r_Omega3_over_ma_la2, -t196) + t198;
-        let t200 = t197 + t199;
-        let t201 = t183 * z_Omega2_over_ma_la2;
-        let t202 = t201 + t200;
-        let t203 = R::sum_error(t201, t200) + (fma(z_Omega2_over_ma_la2, t184, fma(t183, t195, R::product_error(t183, z_Omega2_over_ma_la2))) + R::sum_error(t197, t199));
-        let z_Omega3_over_ma_la2 = t202 + t203;
-        let dot_Omega3 = z_Omega3_over_ma_la2 / A_s4_5_5_over_ma_la2;
-        let t204 = fma(-dot_Omega3, R::sum_error(t186, t187), z_Omega3_over_ma_la2 - dot_Omega3 * A_s4_5_5_over_ma_la2 - R::product_error(dot_Omega3, A_s4_5_5_over_ma_la2) + R::sum_error(t202, t203));
-        let t205 = t204 / A_s4_5_5_over_ma_la2;
-        let t206 = z_Omega2_over_ma_la2 * t181;
-        let t207 = t183 * dot_Omega3;
-        let t208 = t207 + t206;
-        let t209 = fma(dot_Omega3, t184, fma(t183, t205, R::product_error(t183, dot_Omega3))) + fma(t181, t195, fma(z_Omega2_over_ma_la2, t182, R::product_error(z_Omega2_over_ma_la2, t181)));
-        let t210 = R::sum_error(t207, t206) + t209;
-        let t211 = R::sum_error(t208, t210);
-        let dot_Omega2 = t208 + t210;
-        let t212 = z_Omega1_over_ma_la2 * t174;
-        let t213 = t176 * dot_Omega2;
-        let t214 = t213 + t212;
-        let t215 = fma(dot_Omega2, t177, fma(t176, t211, R::product_error(t176, dot_Omega2))) + fma(t174, t191, fma(z_Omega1_over_ma_la2, t175, R::product_error(z_Omega1_over_ma_la2, t174)));
-        let t216 = R::sum_error(t213, t212) + t215;
-        let dot_Omega1 = t214 + t216;
-        let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c36 * r_beta_dot_over_ma_la2);
-        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, r_alpha_dot_over_ma_la2);
-        let dot_Omega1_2 = dot_Omega1 + R::sum_error(t214, t216);
-        let dot_Omega2_2 = dot_Omega2 + t211;
-        let dot_Omega3_2 = dot_Omega3 + t205;
+        let z_Omega1_over_mb_lb2 = t193 + t194;
+        let t196 = t179 * z_Omega1_over_mb_lb2;
+        let t197 = t196 + r_Omega2_over_mb_lb2;
+        let t198 = R::sum_error(t196, r_Omega2_over_mb_lb2) + (fma(z_Omega1_over_mb_lb2, t180, fma(t179, t195, R::product_error(t179, z_Omega1_over_mb_lb2))) + R::sum_error(t116, t117));
+        let t199 = R::sum_error(t197, t198);
+        let z_Omega2_over_mb_lb2 = t197 + t198;
+        let t200 = r_alpha_dot_over_mb_lb2 * A_l5_1;
+        let t201 = r_Omega3_over_mb_lb2 - t200;
+        let t202 = R::sum_error(t128, t129) - fma(A_l5_1, R::sum_error(t86, t87), fma(r_alpha_dot_over_mb_lb2, R::sum_error(t158, t159), R::product_error(r_alpha_dot_over_mb_lb2, A_l5_1)));
+        let t203 = R::sum_error(r_Omega3_over_mb_lb2, -t200) + t202;
+        let t204 = t201 + t203;
+        let t205 = t186 * z_Omega2_over_mb_lb2;
+        let t206 = t205 + t204;
+        let t207 = R::sum_error(t205, t204) + (fma(z_Omega2_over_mb_lb2, t187, fma(t186, t199, R::product_error(t186, z_Omega2_over_mb_lb2))) + R::sum_error(t201, t203));
+        let z_Omega3_over_mb_lb2 = t206 + t207;
+        let dot_Omega3 = z_Omega3_over_mb_lb2 / A_s4_5_5_over_mb_lb2;
+        let t208 = fma(-dot_Omega3, R::sum_error(t189, t190), z_Omega3_over_mb_lb2 - dot_Omega3 * A_s4_5_5_over_mb_lb2 - R::product_error(dot_Omega3, A_s4_5_5_over_mb_lb2) + R::sum_error(t206, t207));
+        let t209 = t208 / A_s4_5_5_over_mb_lb2;
+        let t210 = z_Omega2_over_mb_lb2 * t184;
+        let t211 = t186 * dot_Omega3;
+        let t212 = t211 + t210;
+        let t213 = fma(dot_Omega3, t187, fma(t186, t209, R::product_error(t186, dot_Omega3))) + fma(t184, t199, fma(z_Omega2_over_mb_lb2, t185, R::product_error(z_Omega2_over_mb_lb2, t184)));
+        let t214 = R::sum_error(t211, t210) + t213;
+        let t215 = R::sum_error(t212, t214);
+        let dot_Omega2 = t212 + t214;
+        let t216 = z_Omega1_over_mb_lb2 * t177;
+        let t217 = t179 * dot_Omega2;
+        let t218 = t217 + t216;
+        let t219 = fma(dot_Omega2, t180, fma(t179, t215, R::product_error(t179, dot_Omega2))) + fma(t177, t195, fma(z_Omega1_over_mb_lb2, t178, R::product_error(z_Omega1_over_mb_lb2, t177)));
+        let t220 = R::sum_error(t217, t216) + t219;
+        let dot_Omega1 = t218 + t220;
+        let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mb_lb2, dot_Omega1, r_beta_dot_over_mb_lb2);
+        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c31 * r_alpha_dot_over_mb_lb2);
+        let dot_Omega1_2 = dot_Omega1 + R::sum_error(t218, t220);
+        let dot_Omega2_2 = dot_Omega2 + t215;
+        let dot_Omega3_2 = dot_Omega3 + t209;
         let dot_cos_alpha = -(sin_alpha * alpha_dot);
         let dot_sin_alpha = cos_alpha * alpha_dot;
         let dot_cos_beta = -(sin_beta * beta_dot);
@@ -797,11 +801,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
         let t4 = t0 * (alpha_dot + Omega3);
-        let t5 = self.c0 + t1;
+        let t5 = self.c13 + t1;
         let t6 = fma(Omega3, t5, alpha_dot * t1);
         let t7 = fma(-Omega2, t5, Omega1 * t0);
-        let t8 = self.c16 + t2;
-        let t9 = self.c4 + t3;
+        let t8 = self.c2 + t2;
+        let t9 = self.c3 + t3;
         let t10 = fma(-Omega3, t9, Omega2 * t8);
         let t11 = fma(Omega1, t8, beta_dot * t2);
         let t12 = fma(Omega1, t9, beta_dot * t3);
@@ -811,7 +815,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
-    /// Operations: 53 additions, 72 multiplications (43 fused), 2 divisions, 33 sign changes, 2 elementary functions.
+    /// Operations: 51 additions, 68 multiplications (39 fused), 2 divisions, 31 sign changes, 2 elementary functions.
     #[must_use]
     pub fn pivots(&self, t: R, y: &[R; 7]) -> [::hamel_runtime::Pivot<R>; 3] {
         let [alpha, beta, _, _, _, _, _] = *y;
@@ -819,61 +823,59 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
         let t4 = fma(t1, R::from_f64(2.5), t0);
-        let A_beta_dot_Omega1_over_ma_la2 = fma(t4, self.c2, self.c1);
-        let t5 = t2 * t2;
-        let A_Omega1_Omega1_over_ma_la2 = fma(t4, self.c11, self.c10) + t5;
-        let t6 = self.c0 + t3;
-        let t7 = t2 * t6;
-        let t8 = t6 * t6;
-        let t9 = self.c1 * t0;
-        let t10 = self.c2 + t9;
-        let t11 = self.c3 * t10;
-        let t12 = t10 * t11;
-        let A_Omega2_Omega2_over_ma_la2 = self.c12 + t8 + t12;
-        let t13 = self.c4 + t1;
-        let t14 = t13 * t10;
+        let A_beta_dot_Omega1_over_mb_lb2 = fma(t4, self.c2, R::ONE);
+        let t5 = self.c0 * t2 * t2;
+        let A_Omega1_Omega1_over_mb_lb2 = fma(t4, self.c10, self.c11) + t5;
+        let t6 = self.c0 * t3;
+        let t7 = self.c1 + t6;
+        let t8 = t2 * t7;
+        let t9 = self.c7 * t7;
+        let t10 = t7 * t9;
+        let t11 = self.c2 + t0;
+        let t12 = t11 * t11;
+        let A_Omega2_Omega2_over_mb_lb2 = self.c12 + t12 + t10;
+        let t13 = self.c3 + t1;
+        let t14 = t13 * t11;
         // factors of A
-        let t15 = self.c13 * t1;
+        let t15 = self.c14 * t1;
         let t16 = t1 * t1;
         let t17 = t3 * t3;
-        let A_s1_5_5_over_ma_la2 = fma(t17, self.c15, fma(t16, self.c1, self.c14 + t15));
-        let A_l3_2 = self.c3 * A_beta_dot_Omega1_over_ma_la2;
-        let t18 = A_beta_dot_Omega1_over_ma_la2 * A_l3_2;
-        let A_s2_3_3_over_ma_la2 = A_Omega1_Omega1_over_ma_la2 - t18;
-        let t19 = A_s2_3_3_over_ma_la2.recip();
-        let t20 = t7 * t19;
-        let t21 = t7 * t20;
-        let A_s3_4_4_over_ma_la2 = A_Omega2_Omega2_over_ma_la2 - t21;
-        let t22 = A_s3_4_4_over_ma_la2.recip();
+        let A_s1_5_5_over_mb_lb2 = fma(t17, self.c16, self.c15 + t15 + t16);
+        let t18 = A_beta_dot_Omega1_over_mb_lb2 * A_beta_dot_Omega1_over_mb_lb2;
+        let A_s2_3_3_over_mb_lb2 = A_Omega1_Omega1_over_mb_lb2 - t18;
+        let t19 = A_s2_3_3_over_mb_lb2.recip();
+        let t20 = t8 * t19;
+        let t21 = t8 * t20;
+        let A_s3_4_4_over_mb_lb2 = A_Omega2_Omega2_over_mb_lb2 - t21;
+        let t22 = A_s3_4_4_over_mb_lb2.recip();
         let t23 = t14 * t22;
         let t24 = t14 * t23;
-        let A_s4_5_5_over_ma_la2 = A_s1_5_5_over_ma_la2 - t24;
+        let A_s4_5_5_over_mb_lb2 = A_s1_5_5_over_mb_lb2 - t24;
         let t25 = t1.abs();
-        let t26 = fma(R::from_f64(10.0), t0.abs(), R::from_f64(25.0) * t25);
-        let t27 = (self.c13 * t4).abs();
-        let t28 = fma(t27, R::from_f64(2.0), fma(t26, self.c2, self.c24));
-        let t29 = A_l3_2.abs();
-        let t30 = fma(R::from_f64(2.0), A_Omega1_Omega1_over_ma_la2.abs(), fma(t27, R::ratio(22.0, 5.0), fma(t26, self.c11, fma(t18, R::from_f64(10.0), fma(t5, R::from_f64(11.0), self.c25)))));
-        let t31 = fma(fma(t28, self.c3, R::from_f64(8.0) * t29), A_beta_dot_Omega1_over_ma_la2.abs(), fma(t28, t29, t30));
-        let t32 = fma(R::from_f64(10.0), t3.abs(), self.c26);
-        let t33 = fma(R::from_f64(10.0), t9.abs(), self.c27);
+        let t26 = R::from_f64(10.0) * t0.abs();
+        let t27 = fma(t25, R::from_f64(25.0), t26);
+        let t28 = (self.c14 * t4).abs();
+        let t29 = fma(R::from_f64(2.0), A_Omega1_Omega1_over_mb_lb2.abs(), fma(t28, R::ratio(22.0, 5.0), fma(t27, self.c10, fma(t18, R::from_f64(10.0), fma(t5, R::from_f64(11.0), self.c24)))));
+        let t30 = fma(fma(t28, R::from_f64(2.0), fma(t27, self.c2, R::from_f64(10.0))), R::from_f64(2.0) * A_beta_dot_Omega1_over_mb_lb2.abs(), t29);
+        let t31 = fma(R::from_f64(10.0), t6.abs(), self.c25);
+        let t32 = t9.abs();
+        let t33 = self.c26 + t26;
         let t34 = t11.abs();
-        let t35 = t10.abs();
-        let t36 = fma(R::from_f64(8.0), t7.abs(), t32 * t2.abs());
+        let t35 = fma(R::from_f64(8.0), t8.abs(), t31 * t2.abs());
         let A_l4_3 = -t20;
-        let t37 = A_l4_3.abs();
-        let A_Omega1_Omega2_over_ma_la2 = -t7;
-        let t38 = fma(t33, t34, fma(t32, R::from_f64(2.0) * t6.abs(), fma(A_Omega2_Omega2_over_ma_la2, R::from_f64(2.0), fma(t12, R::from_f64(11.0), fma(t8, R::from_f64(11.0), self.c28)))));
-        let t39 = fma(fma(t31, (-(t7 * (t19 * t19))).abs(), fma(t37, R::from_f64(8.0), t36 * t19.abs())), A_Omega1_Omega2_over_ma_la2.abs(), fma(R::from_f64(10.0), t21.abs(), fma(t36, t37, fma(t35, fma(t34, R::from_f64(8.0), self.c3 * t33), t38))));
-        let t40 = fma(R::from_f64(8.0), t14.abs(), fma(t33, t13.abs(), fma(t25, R::from_f64(10.0), self.c29) * t35));
+        let t36 = A_l4_3.abs();
+        let A_Omega1_Omega2_over_mb_lb2 = -t8;
+        let t37 = fma(t33, R::from_f64(2.0) * t34, fma(t31, t32, fma(A_Omega2_Omega2_over_mb_lb2, R::from_f64(2.0), fma(t10, R::from_f64(11.0), fma(t12, R::from_f64(11.0), self.c27)))));
+        let t38 = fma(fma(t30, (-(t8 * (t19 * t19))).abs(), fma(t36, R::from_f64(8.0), t35 * t19.abs())), A_Omega1_Omega2_over_mb_lb2.abs(), fma(R::from_f64(10.0), t21.abs(), fma(t35, t36, fma(fma(t32, R::from_f64(8.0), self.c7 * t31), t7.abs(), t37))));
+        let t39 = fma(R::from_f64(8.0), t14.abs(), fma(t33, t13.abs(), fma(t25, R::from_f64(10.0), self.c28) * t34));
         let A_l5_4 = -t23;
-        let t41 = A_l5_4.abs();
-        let A_Omega2_Omega3_over_ma_la2 = -t14;
-        let t42 = fma(R::from_f64(10.0), t24.abs(), fma(t40, t41, fma(R::from_f64(2.0), A_s1_5_5_over_ma_la2.abs(), fma(R::from_f64(12.0), t15.abs(), fma(t17, self.c32, fma(t16, self.c30, self.c31))))));
+        let t40 = A_l5_4.abs();
+        let A_Omega2_Omega3_over_mb_lb2 = -t14;
+        let t41 = fma(R::from_f64(10.0), t24.abs(), fma(t39, t40, fma(R::from_f64(2.0), A_s1_5_5_over_mb_lb2.abs(), fma(R::from_f64(12.0), t15.abs(), fma(t17, self.c30, fma(t16, R::from_f64(12.0), self.c29))))));
         [
-            ::hamel_runtime::Pivot::new("inertia along Omega1", A_s2_3_3_over_ma_la2, t31),
-            ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4_over_ma_la2, t39),
-            ::hamel_runtime::Pivot::new("inertia along Omega3", A_s4_5_5_over_ma_la2, fma(fma(t39, (-(t14 * (t22 * t22))).abs(), fma(t41, R::from_f64(8.0), t40 * t22.abs())), A_Omega2_Omega3_over_ma_la2.abs(), t42)),
+            ::hamel_runtime::Pivot::new("inertia along Omega1", A_s2_3_3_over_mb_lb2, t30),
+            ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4_over_mb_lb2, t38),
+            ::hamel_runtime::Pivot::new("inertia along Omega3", A_s4_5_5_over_mb_lb2, fma(fma(t38, (-(t14 * (t22 * t22))).abs(), fma(t40, R::from_f64(8.0), t39 * t22.abs())), A_Omega2_Omega3_over_mb_lb2.abs(), t41)),
         ]
     }
 
@@ -892,8 +894,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[7] {
     c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20, c21, c22,
-    c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36, c37, c38, c39, c40, c41, c42, c43,
-    c44, c45, c46, c47, c48,
+    c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36, c37, c38, c39, c40, c41, c42,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

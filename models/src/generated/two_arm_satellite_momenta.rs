@@ -253,7 +253,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let net_alpha_dot = fma(-t6, fma(Omega2, t18, t17), fma(self.c51, fma(t1, t17, t0 * Omega1 * t18), -(self.ka * alpha)));
         let t19 = fma(t3, Omega2, t2 * Omega3);
         let t20 = Omega1 + beta_dot;
-        let net_beta_dot = fma(-self.c52, fma(-t20, t3 * fma(t2, beta_dot, t8 * Omega1), fma(t20, t2 * fma(t3, beta_dot, t10 * Omega1), fma(-t19, t8 * Omega2, t19 * (t10 * Omega3)))), -(self.kb * beta));
+        let net_beta_dot = fma(self.c52, fma(-t20, t2 * fma(t3, beta_dot, t10 * Omega1), fma(t20, t3 * fma(t2, beta_dot, t8 * Omega1), fma(-t19, t10 * Omega3, t8 * Omega2 * t19))), -(self.kb * beta));
         let net_Omega1 = fma(-Pi3, Omega2, Pi2 * Omega3);
         let net_Omega2 = fma(Pi3, Omega1, -(Pi1 * Omega3));
         let net_Omega3 = fma(-Pi2, Omega1, Pi1 * Omega2);
@@ -310,8 +310,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let net_alpha_dot = fma(-t2, fma(Omega2, t14, t13), fma(self.c51, fma(cos_alpha, t13, sin_alpha * Omega1 * t14), -(self.ka * alpha)));
         let t15 = fma(cos_beta, Omega2, sin_beta * Omega3);
         let t16 = Omega1 + beta_dot;
-        let t17 = fma(-t16, cos_beta * fma(sin_beta, beta_dot, t4 * Omega1), fma(t16, sin_beta * fma(cos_beta, beta_dot, t6 * Omega1), fma(-t15, t4 * Omega2, t15 * (t6 * Omega3))));
-        let net_beta_dot = fma(-self.c52, t17, -(self.kb * beta));
+        let net_beta_dot = fma(self.c52, fma(-t16, sin_beta * fma(cos_beta, beta_dot, t6 * Omega1), fma(t16, cos_beta * fma(sin_beta, beta_dot, t4 * Omega1), fma(-t15, t6 * Omega3, t4 * Omega2 * t15))), -(self.kb * beta));
         let net_Omega1 = fma(-Pi3, Omega2, Pi2 * Omega3);
         let net_Omega2 = fma(Pi3, Omega1, -(Pi1 * Omega3));
         let net_Omega3 = fma(-Pi2, Omega1, Pi1 * Omega2);

@@ -107,20 +107,20 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 28] = [
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub struct Prepared<R = f64> {
     I1: R, I2: R, I3: R, lb: R, ka: R, kb: R,
-    c0: R, // (3/5) * ma * la
+    c0: R, // (3/5) / la
     c1: R, // ma * (la * la)
-    c2: R, // (1/5) * mb * lb
-    c3: R, // mb * (lb * lb)
-    c4: R, // 0.5 * mb * lb
-    c5: R, // 1 / (mb * (lb * lb))
-    c6: R, // 0.5 / lb
-    c7: R, // mb * (lb * lb) / (ma * (la * la))
-    c8: R, // 1 / (ma * (la * la))
-    c9: R, // I2 - I3
-    c10: R, // I3 - I1
-    c11: R, // I1 - I2
+    c2: R, // mb * (lb * lb)
+    c3: R, // (1/5) * mb * lb
+    c4: R, // 0.5 / lb
+    c5: R, // mb * mb * (lb * lb * (lb * lb))
+    c6: R, // 1 / (mb * (lb * lb))
+    c7: R, // I2 - I3
+    c8: R, // I3 - I1
+    c9: R, // I1 - I2
+    c10: R, // (3/5) * ma * la
+    c11: R, // 0.5 * mb * lb
     c12: R, // (1/5) / lb
-    c13: R, // (3/5) / la
+    c13: R, // mb * (lb * lb) / (ma * (la * la))
     c14: R, // 0.5 * ka
     c15: R, // 0.5 * kb
     c16: R, // 0.5 * I3
@@ -128,42 +128,45 @@ pub struct Prepared<R = f64> {
     c18: R, // 0.5 * I1
     c19: R, // 0.5 * ma * (la * la)
     c20: R, // 0.5 * mb * (lb * lb)
-    c21: R, // 2 * mb * lb
-    c22: R, // 6 * ma * la
+    c21: R, // 6 / la
+    c22: R, // 2 * mb * lb
     c23: R, // 5 / lb
-    c24: R, // 10 * mb * (lb * lb) / (ma * (la * la))
-    c25: R, // 11 * ma * (la * la)
-    c26: R, // 11 * I1
-    c27: R, // 11 * I2
-    c28: R, // 11 * I3
-    c29: R, // ma * la
-    c30: R, // 10 * ma * (la * la)
-    c31: R, // mb * lb
-    c32: R, // 11 * mb * (lb * lb)
-    c33: R, // 10 * mb * (lb * lb)
-    c34: R, // 2 * ma * (la * la)
-    c35: R, // 2 * mb * (lb * lb)
-    c36: R, // (6/5) * ma * la
-    c37: R, // -(I2 / I1)
-    c38: R, // 1 / I1
-    c39: R, // (1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))
-    c40: R, // (2/5) * mb * lb
-    c41: R, // 2.5 * lb
-    c42: R, // (1/10) * mb
-    c43: R, // (1/25) * (25 * I2 + 9 * ma + mb)
-    c44: R, // (1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))
-    c45: R, // ma * (la * la)
-    c46: R, // mb * (lb * lb)
-    c47: R, // ma * (la * la)
-    c48: R, // ma * (la * la)
-    c49: R, // mb * (lb * lb)
+    c24: R, // 10 * (mb * mb) * (lb * lb * (lb * lb))
+    c25: R, // 2 * (mb * mb) * (lb * lb * (lb * lb))
+    c26: R, // 11 * ma * (la * la)
+    c27: R, // 11 * I1
+    c28: R, // 11 / (mb * (lb * lb))
+    c29: R, // 11 * I2
+    c30: R, // 2 / (mb * (lb * lb))
+    c31: R, // 11 * mb * (lb * lb)
+    c32: R, // 11 * I3
+    c33: R, // 2 * mb * (lb * lb)
+    c34: R, // 10 * ma * (la * la)
+    c35: R, // 10 * mb * (lb * lb)
+    c36: R, // 2 * ma * (la * la)
+    c37: R, // (6/5) * ma * la
+    c38: R, // -(I2 / I1)
+    c39: R, // 1 / I1
+    c40: R, // (1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))
+    c41: R, // (2/5) * mb * lb
+    c42: R, // 2.5 * lb
+    c43: R, // (1/10) * mb
+    c44: R, // (1/25) * (25 * I2 + 9 * ma + mb)
+    c45: R, // (1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))
+    c46: R, // mb * lb
+    c47: R, // 1 / (mb * (lb * lb))
+    c48: R, // mb * (lb * lb)
+    c49: R, // ma * (la * la)
+    c50: R, // 1 / (mb * (lb * lb))
+    c51: R, // ma * (la * la)
+    c52: R, // mb * (lb * lb)
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 10 additions, 57 multiplications, 10 divisions, 1 sign change.
+    /// Operations: 10 additions, 61 multiplications, 11 divisions, 1 sign change.
     ///
     /// # Errors
     ///
@@ -173,11 +176,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
         let t0 = la * la;
         let t1 = ma * t0;
-        let t2 = R::from_f64(0.5) * mb;
-        let t3 = lb * lb;
-        let t4 = mb * t3;
-        let t5 = R::from_f64(2.0) * mb;
-        let t6 = R::from_f64(10.0) * mb * t3;
+        let t2 = lb * lb;
+        let t3 = mb * t2;
+        let t4 = mb * mb;
+        let t5 = t2 * t2;
+        let t6 = t3.recip();
+        let t7 = R::from_f64(0.5) * mb;
+        let t8 = R::from_f64(2.0) * mb;
         ::hamel_runtime::ParamError::require(I1.all_gt(R::ZERO), "I1 > 0", "")?;
         ::hamel_runtime::ParamError::require(I2.all_gt(R::ZERO), "I2 > 0", "")?;
         ::hamel_runtime::ParamError::require(I3.all_gt(R::ZERO), "I3 > 0", "")?;
@@ -186,34 +191,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ::hamel_runtime::ParamError::require(mb.all_gt(R::ZERO), "mb > 0", "")?;
         ::hamel_runtime::ParamError::require(lb.all_gt(R::ZERO), "lb > 0", "")?;
         Ok(Self {
-            I1, I2, I3, lb, ka, kb,
-            c0: R::ratio(3.0, 5.0) * ma * la,
-            c1: t1,
-            c2: R::ratio(1.0, 5.0) * mb * lb,
-            c3: t4, c4: t2 * lb, c5: t4.recip(), c6: R::from_f64(0.5) / lb, c7: t4 / t1, c8: t1.recip(), c9: I2 - I3,
-            c10: I3 - I1, c11: I1 - I2, c12: R::ratio(1.0, 5.0) / lb, c13: R::ratio(3.0, 5.0) / la,
-            c14: R::from_f64(0.5) * ka, c15: R::from_f64(0.5) * kb, c16: R::from_f64(0.5) * I3,
-            c17: R::from_f64(0.5) * I2, c18: R::from_f64(0.5) * I1,
+            I1, I2, I3, lb, ka, kb, c0: R::ratio(3.0, 5.0) / la, c1: t1, c2: t3,
+            c3: R::ratio(1.0, 5.0) * mb * lb,
+            c4: R::from_f64(0.5) / lb, c5: t4 * t5, c6: t6, c7: I2 - I3, c8: I3 - I1, c9: I1 - I2,
+            c10: R::ratio(3.0, 5.0) * ma * la,
+            c11: t7 * lb, c12: R::ratio(1.0, 5.0) / lb, c13: t3 / t1, c14: R::from_f64(0.5) * ka,
+            c15: R::from_f64(0.5) * kb, c16: R::from_f64(0.5) * I3, c17: R::from_f64(0.5) * I2,
+            c18: R::from_f64(0.5) * I1,
             c19: R::from_f64(0.5) * ma * t0,
-            c20: t2 * t3, c21: t5 * lb,
-            c22: R::from_f64(6.0) * ma * la,
-            c23: R::from_f64(5.0) / lb, c24: t6 / t1,
-            c25: R::from_f64(11.0) * ma * t0,
-            c26: R::from_f64(11.0) * I1, c27: R::from_f64(11.0) * I2, c28: R::from_f64(11.0) * I3, c29: ma * la,
-            c30: R::from_f64(10.0) * ma * t0,
-            c31: mb * lb,
-            c32: R::from_f64(11.0) * mb * t3,
-            c33: t6,
-            c34: R::from_f64(2.0) * ma * t0,
-            c35: t5 * t3,
-            c36: R::ratio(6.0, 5.0) * ma * la,
-            c37: -(I2 / I1), c38: I1.recip(),
-            c39: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * (R::from_f64(29.0) + R::from_f64(100.0) * t3)),
-            c40: R::ratio(2.0, 5.0) * mb * lb,
-            c41: R::from_f64(2.5) * lb, c42: R::ratio(1.0, 10.0) * mb,
-            c43: R::ratio(1.0, 25.0) * (R::from_f64(25.0) * I2 + R::from_f64(9.0) * ma + mb),
-            c44: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb + R::from_f64(4.0) * ma * (R::from_f64(9.0) + R::from_f64(25.0) * t0)),
-            c45: t1, c46: t4, c47: t1, c48: t1, c49: t4,
+            c20: t7 * t2, c21: R::from_f64(6.0) / la, c22: t8 * lb, c23: R::from_f64(5.0) / lb,
+            c24: R::from_f64(10.0) * t4 * t5,
+            c25: R::from_f64(2.0) * t4 * t5,
+            c26: R::from_f64(11.0) * ma * t0,
+            c27: R::from_f64(11.0) * I1, c28: R::from_f64(11.0) / t3, c29: R::from_f64(11.0) * I2,
+            c30: R::from_f64(2.0) / t3,
+            c31: R::from_f64(11.0) * mb * t2,
+            c32: R::from_f64(11.0) * I3, c33: t8 * t2,
+            c34: R::from_f64(10.0) * ma * t0,
+            c35: R::from_f64(10.0) * mb * t2,
+            c36: R::from_f64(2.0) * ma * t0,
+            c37: R::ratio(6.0, 5.0) * ma * la,
+            c38: -(I2 / I1), c39: I1.recip(),
+            c40: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * (R::from_f64(29.0) + R::from_f64(100.0) * t2)),
+            c41: R::ratio(2.0, 5.0) * mb * lb,
+            c42: R::from_f64(2.5) * lb, c43: R::ratio(1.0, 10.0) * mb,
+            c44: R::ratio(1.0, 25.0) * (R::from_f64(25.0) * I2 + R::from_f64(9.0) * ma + mb),
+            c45: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb + R::from_f64(4.0) * ma * (R::from_f64(9.0) + R::from_f64(25.0) * t0)),
+            c46: mb * lb, c47: t6, c48: t3, c49: t1, c50: t6, c51: t1, c52: t3,
         })
     }
 
@@ -225,101 +229,101 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain two_arm_satellite_routh
     /// ```
     ///
-    /// Operations: 78 additions, 133 multiplications (75 fused), 5 divisions, 2 elementary functions.
+    /// Operations: 78 additions, 135 multiplications (74 fused), 5 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
         let [alpha, beta, alpha_dot, beta_dot, Pi1, Pi2, Pi3, qw, qx, qy, qz] = *y;
         let _ = t;
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-        let A_alpha_dot_Omega3 = fma(t1, self.c0, self.c1);
-        let A_beta_dot_Omega1 = fma(t3, self.c4, fma(t2, self.c2, self.c3));
-        let t4 = fma(t2, self.c3, self.c2);
-        let t5 = self.c5 * t4;
-        let t6 = self.c6 + t3;
-        let t7 = fma(self.c7, t6 * t6, t0 * t0);
-        let A_Omega1_Omega1 = fma(t7, self.c45, fma(t4, t5, self.I1));
-        let t8 = fma(t1, self.c1, self.c0);
-        let t9 = t0 * t8;
-        let t10 = self.c8 * t8;
-        let A_Omega2_Omega2 = fma(t8, t10, fma(t4, t5, self.I2));
-        let t11 = t4 * t6;
-        let A_Omega3_Omega3 = fma(t7, self.c1, fma(t8, t10, self.I3));
+        let t4 = t0 * t0;
+        let t5 = self.c0 + t1;
+        let A_alpha_dot_Omega3 = self.c1 * fma(t1, t5, t4);
+        let t6 = fma(t2, self.c2, self.c3);
+        let t7 = t6 * t6;
+        let t8 = self.c4 + t3;
+        let t9 = t8 * t8;
+        let A_Omega1_Omega1 = fma(self.c6, fma(t9, self.c5, t7), fma(t4, self.c1, self.I1));
+        let t10 = self.c1 * t0;
+        let t11 = t5 * t10;
+        let t12 = self.c1 * t5;
+        let A_Omega2_Omega2 = fma(t7, self.c47, fma(t5, t12, self.I2));
+        let t13 = t6 * t8;
+        let A_Omega3_Omega3 = fma(t9, self.c48, fma(self.c1, fma(t5, t5, t4), self.I3));
         // factors of A
-        let t12 = A_Omega1_Omega1.recip();
-        let t13 = t9 * t12;
-        let A_l2_3 = A_beta_dot_Omega1 * t12;
-        let A_s3_4_4 = fma(-t9, t13, A_Omega2_Omega2);
-        let A_s3_2_2 = fma(-A_beta_dot_Omega1, A_l2_3, self.c46);
-        let t14 = A_s3_4_4.recip();
+        let t14 = A_Omega1_Omega1.recip();
         let t15 = t11 * t14;
-        let t16 = A_beta_dot_Omega1 * t13;
-        let A_l2_4 = t16 * t14;
-        let A_s4_5_5 = fma(-t11, t15, A_Omega3_Omega3);
-        let A_s4_2_2 = fma(-t16, A_l2_4, A_s3_2_2);
-        let t17 = A_s4_5_5.recip();
-        let A_l1_5 = A_alpha_dot_Omega3 * t17;
-        let t18 = t15 * t16;
-        let A_l2_5 = t18 * t17;
-        let A_s5_1_1 = fma(-A_alpha_dot_Omega3, A_l1_5, self.c47);
-        let A_s5_2_2 = fma(-t18, A_l2_5, A_s4_2_2);
-        let t19 = A_l1_5 * t18;
-        let t20 = A_s5_1_1.recip();
-        let t21 = t19 * t20;
-        let A_s1_2_2 = fma(-t19, t21, A_s5_2_2);
+        let t16 = self.c2 * t8;
+        let t17 = fma(t3, t16, t2 * t6);
+        let A_l2_3 = t17 * t14;
+        let A_s3_4_4 = fma(-t11, t15, A_Omega2_Omega2);
+        let A_s3_2_2 = fma(-t17, A_l2_3, self.c2);
+        let t18 = A_s3_4_4.recip();
+        let t19 = t13 * t18;
+        let t20 = t15 * t17;
+        let A_l2_4 = t20 * t18;
+        let A_s4_5_5 = fma(-t13, t19, A_Omega3_Omega3);
+        let A_s4_2_2 = fma(-t20, A_l2_4, A_s3_2_2);
+        let t21 = A_s4_5_5.recip();
+        let A_l1_5 = A_alpha_dot_Omega3 * t21;
+        let t22 = t19 * t20;
+        let A_l2_5 = t22 * t21;
+        let A_s5_1_1 = fma(-A_alpha_dot_Omega3, A_l1_5, self.c49);
+        let A_s5_2_2 = fma(-t22, A_l2_5, A_s4_2_2);
+        let t23 = A_l1_5 * t22;
+        let t24 = A_s5_1_1.recip();
+        let t25 = t23 * t24;
+        let A_s1_2_2 = fma(-t23, t25, A_s5_2_2);
         // velocities of the momenta pi = W^T dL/dy
-        let q_Omega1 = fma(-beta_dot, A_beta_dot_Omega1, Pi1);
+        let q_Omega1 = fma(-beta_dot, t17, Pi1);
         let q_Omega3 = fma(-alpha_dot, A_alpha_dot_Omega3, Pi3);
-        let c_Omega2 = fma(t13, q_Omega1, Pi2);
-        let c_Omega3 = fma(t15, c_Omega2, q_Omega3);
-        let Omega3 = c_Omega3 * t17;
-        let Omega2 = fma(t15, Omega3, c_Omega2 * t14);
-        let Omega1 = fma(t13, Omega2, q_Omega1 * t12);
+        let c_Omega2 = fma(t15, q_Omega1, Pi2);
+        let c_Omega3 = fma(t19, c_Omega2, q_Omega3);
+        let Omega3 = c_Omega3 * t21;
+        let Omega2 = fma(t19, Omega3, c_Omega2 * t18);
+        let Omega1 = fma(t15, Omega2, q_Omega1 * t14);
         // velocities v in squares m/2 |v|^2
-        let t22 = alpha_dot + Omega3;
-        let t23 = self.c48 * t0;
-        let v1_1_scaled = t22 * t23;
-        let t24 = self.c1 * alpha_dot;
-        let v1_2_scaled = fma(t8, Omega3, t1 * t24);
-        let v1_3_scaled = fma(Omega1, t23, -(t8 * Omega2));
-        let v2_1_over_10_lb = fma(t5, Omega2, -(t6 * Omega3));
-        let v2_2_over_10_lb = fma(t5, Omega1, beta_dot * t2);
-        let t25 = beta_dot * t3;
-        let v2_3_over_10_lb = fma(t6, Omega1, t25);
+        let t26 = alpha_dot + Omega3;
+        let v1_1_over_5_la = t0 * t26;
+        let v1_2_over_5_la = fma(t5, Omega3, alpha_dot * t1);
+        let v1_3_over_5_la = fma(t0, Omega1, -(t5 * Omega2));
+        let t27 = self.c50 * t6;
+        let v2_1_over_10_lb = fma(Omega2, t27, -(t8 * Omega3));
+        let v2_2_over_10_lb = fma(Omega1, t27, beta_dot * t2);
+        let v2_3_over_10_lb = fma(t8, Omega1, beta_dot * t3);
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let a1_1_scaled = fma(-Omega2, v1_3_scaled, fma(t22, t24 * t1, Omega3 * v1_2_scaled));
-        let a1_2_scaled = fma(-Omega1, v1_3_scaled, fma(-t22, t24 * t0, -(Omega3 * v1_1_scaled)));
-        let a1_3_scaled = fma(t24, fma(t1, Omega1, t0 * Omega2), fma(Omega1, v1_2_scaled, Omega2 * v1_1_scaled));
+        let a1_1_over_5_la = fma(-Omega2, v1_3_over_5_la, fma(t26, alpha_dot * t1, Omega3 * v1_2_over_5_la));
+        let a1_2_over_5_la = fma(-Omega1, v1_3_over_5_la, fma(-Omega3, v1_1_over_5_la, -(alpha_dot * v1_1_over_5_la)));
+        let a1_3_over_5_la = fma(alpha_dot, fma(t1, Omega1, t0 * Omega2), fma(Omega1, v1_2_over_5_la, Omega2 * v1_1_over_5_la));
         let a2_1_over_10_lb = fma(Omega2, v2_3_over_10_lb, fma(Omega3, v2_2_over_10_lb, beta_dot * fma(t3, Omega2, t2 * Omega3)));
-        let t26 = beta_dot + Omega1;
-        let a2_2_over_10_lb = fma(t25, t26, fma(Omega1, v2_3_over_10_lb, -(Omega3 * v2_1_over_10_lb)));
-        let a2_3_over_10_lb = fma(-t26, beta_dot * t2, fma(-Omega1, v2_2_over_10_lb, -(Omega2 * v2_1_over_10_lb)));
+        let t28 = beta_dot + Omega1;
+        let a2_2_over_10_lb = fma(t28, beta_dot * t3, fma(Omega1, v2_3_over_10_lb, -(Omega3 * v2_1_over_10_lb)));
+        let a2_3_over_10_lb = fma(-t28, beta_dot * t2, fma(-Omega1, v2_2_over_10_lb, -(Omega2 * v2_1_over_10_lb)));
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t27 = t0 * a1_1_scaled;
-        let r_alpha_dot = fma(-t1, a1_2_scaled, fma(-alpha, self.ka, -t27));
-        let r_beta_dot = fma(-self.c49, fma(t3, a2_3_over_10_lb, t2 * a2_2_over_10_lb), -(self.kb * beta));
-        let t28 = self.c3 * t6;
-        let r_Omega1 = fma(-t0, a1_3_scaled, fma(-a2_3_over_10_lb, t28, fma(-t4, a2_2_over_10_lb, self.c9 * Omega3 * Omega2)));
-        let r_Omega2 = fma(-t4, a2_1_over_10_lb, fma(t10, a1_3_scaled, Omega1 * (self.c10 * Omega3)));
-        let r_Omega3 = fma(-t10, a1_2_scaled, fma(a2_1_over_10_lb, t28, fma(Omega1, self.c11 * Omega2, -t27)));
+        let t29 = t10 * a1_1_over_5_la;
+        let r_alpha_dot = fma(-a1_2_over_5_la, self.c51 * t1, fma(-alpha, self.ka, -t29));
+        let r_beta_dot = fma(-self.c52, fma(t3, a2_3_over_10_lb, t2 * a2_2_over_10_lb), -(self.kb * beta));
+        let r_Omega1 = fma(-t10, a1_3_over_5_la, fma(-t16, a2_3_over_10_lb, fma(-t6, a2_2_over_10_lb, self.c7 * Omega3 * Omega2)));
+        let r_Omega2 = fma(-t6, a2_1_over_10_lb, fma(t12, a1_3_over_5_la, Omega1 * (self.c8 * Omega3)));
+        let r_Omega3 = fma(-t12, a1_2_over_5_la, fma(t16, a2_1_over_10_lb, fma(Omega1, self.c9 * Omega2, -t29)));
         // substitution through the factors of A
-        let z_Omega2 = fma(t13, r_Omega1, r_Omega2);
-        let z_Omega3 = fma(t15, z_Omega2, r_Omega3);
+        let z_Omega2 = fma(t15, r_Omega1, r_Omega2);
+        let z_Omega3 = fma(t19, z_Omega2, r_Omega3);
         let z_alpha_dot = fma(-A_l1_5, z_Omega3, r_alpha_dot);
-        let z_beta_dot = fma(t21, z_alpha_dot, fma(-A_l2_5, z_Omega3, fma(-A_l2_4, z_Omega2, fma(-A_l2_3, r_Omega1, r_beta_dot))));
+        let z_beta_dot = fma(t25, z_alpha_dot, fma(-A_l2_5, z_Omega3, fma(-A_l2_4, z_Omega2, fma(-A_l2_3, r_Omega1, r_beta_dot))));
         let dot_beta_dot = z_beta_dot / A_s1_2_2;
-        let dot_alpha_dot = fma(t21, dot_beta_dot, z_alpha_dot * t20);
+        let dot_alpha_dot = fma(t25, dot_beta_dot, z_alpha_dot * t24);
         // momentum equation
         let net_Omega1 = fma(-Pi3, Omega2, Pi2 * Omega3);
         let net_Omega2 = fma(Pi3, Omega1, -(Pi1 * Omega3));
         let net_Omega3 = fma(-Pi2, Omega1, Pi1 * Omega2);
-        let t29 = R::from_f64(0.5) * Omega1;
-        let t30 = R::from_f64(0.5) * Omega2;
-        let t31 = R::from_f64(0.5) * Omega3;
-        let dot_qw = fma(-qx, t29, fma(-qy, t30, -(qz * t31)));
-        let dot_qx = fma(qw, t29, fma(-qz, t30, qy * t31));
-        let dot_qy = fma(qz, t29, fma(qw, t30, -(qx * t31)));
-        let dot_qz = fma(-qy, t29, fma(qx, t30, qw * t31));
+        let t30 = R::from_f64(0.5) * Omega1;
+        let t31 = R::from_f64(0.5) * Omega2;
+        let t32 = R::from_f64(0.5) * Omega3;
+        let dot_qw = fma(-qx, t30, fma(-qy, t31, -(qz * t32)));
+        let dot_qx = fma(qw, t30, fma(-qz, t31, qy * t32));
+        let dot_qy = fma(qz, t30, fma(qw, t31, -(qx * t32)));
+        let dot_qz = fma(-qy, t30, fma(qx, t31, qw * t32));
         *dy = [
             alpha_dot, beta_dot, dot_alpha_dot, dot_beta_dot, net_Omega1, net_Omega2, net_Omega3, dot_qw, dot_qx,
             dot_qy, dot_qz,
@@ -335,100 +339,100 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      cos_beta, sin_beta]
     /// ```
     ///
-    /// Operations: 78 additions, 137 multiplications (75 fused), 5 divisions, 2 sign changes.
+    /// Operations: 78 additions, 139 multiplications (74 fused), 5 divisions, 2 sign changes.
     #[inline]
     pub fn rhs_on_circles(&self, t: R, y: &[R; 15], dy: &mut [R; 15]) {
         let [alpha, beta, alpha_dot, beta_dot, Pi1, Pi2, Pi3, qw, qx, qy, qz, cos_alpha, sin_alpha, cos_beta, sin_beta] = *y;
         let _ = t;
         // mass matrix A = W^T L_yy Psi
-        let A_alpha_dot_Omega3 = fma(cos_alpha, self.c0, self.c1);
-        let A_beta_dot_Omega1 = fma(cos_beta, self.c4, fma(sin_beta, self.c2, self.c3));
-        let t0 = fma(sin_beta, self.c3, self.c2);
-        let t1 = self.c5 * t0;
-        let t2 = self.c6 + cos_beta;
-        let t3 = fma(self.c7, t2 * t2, sin_alpha * sin_alpha);
-        let A_Omega1_Omega1 = fma(t3, self.c45, fma(t0, t1, self.I1));
-        let t4 = fma(cos_alpha, self.c1, self.c0);
-        let t5 = sin_alpha * t4;
-        let t6 = self.c8 * t4;
-        let A_Omega2_Omega2 = fma(t4, t6, fma(t0, t1, self.I2));
-        let t7 = t0 * t2;
-        let A_Omega3_Omega3 = fma(t3, self.c1, fma(t4, t6, self.I3));
+        let t0 = sin_alpha * sin_alpha;
+        let t1 = self.c0 + cos_alpha;
+        let A_alpha_dot_Omega3 = self.c1 * fma(cos_alpha, t1, t0);
+        let t2 = fma(sin_beta, self.c2, self.c3);
+        let t3 = t2 * t2;
+        let t4 = self.c4 + cos_beta;
+        let t5 = t4 * t4;
+        let A_Omega1_Omega1 = fma(self.c6, fma(t5, self.c5, t3), fma(t0, self.c1, self.I1));
+        let t6 = self.c1 * sin_alpha;
+        let t7 = t1 * t6;
+        let t8 = self.c1 * t1;
+        let A_Omega2_Omega2 = fma(t3, self.c47, fma(t1, t8, self.I2));
+        let t9 = t2 * t4;
+        let A_Omega3_Omega3 = fma(t5, self.c48, fma(self.c1, fma(t1, t1, t0), self.I3));
         // factors of A
-        let t8 = A_Omega1_Omega1.recip();
-        let t9 = t5 * t8;
-        let A_l2_3 = A_beta_dot_Omega1 * t8;
-        let A_s3_4_4 = fma(-t5, t9, A_Omega2_Omega2);
-        let A_s3_2_2 = fma(-A_beta_dot_Omega1, A_l2_3, self.c46);
-        let t10 = A_s3_4_4.recip();
+        let t10 = A_Omega1_Omega1.recip();
         let t11 = t7 * t10;
-        let t12 = A_beta_dot_Omega1 * t9;
-        let A_l2_4 = t12 * t10;
-        let A_s4_5_5 = fma(-t7, t11, A_Omega3_Omega3);
-        let A_s4_2_2 = fma(-t12, A_l2_4, A_s3_2_2);
-        let t13 = A_s4_5_5.recip();
-        let A_l1_5 = A_alpha_dot_Omega3 * t13;
-        let t14 = t11 * t12;
-        let A_l2_5 = t14 * t13;
-        let A_s5_1_1 = fma(-A_alpha_dot_Omega3, A_l1_5, self.c47);
-        let A_s5_2_2 = fma(-t14, A_l2_5, A_s4_2_2);
-        let t15 = A_l1_5 * t14;
-        let t16 = A_s5_1_1.recip();
-        let t17 = t15 * t16;
-        let A_s1_2_2 = fma(-t15, t17, A_s5_2_2);
+        let t12 = self.c2 * t4;
+        let t13 = fma(cos_beta, t12, sin_beta * t2);
+        let A_l2_3 = t13 * t10;
+        let A_s3_4_4 = fma(-t7, t11, A_Omega2_Omega2);
+        let A_s3_2_2 = fma(-t13, A_l2_3, self.c2);
+        let t14 = A_s3_4_4.recip();
+        let t15 = t9 * t14;
+        let t16 = t11 * t13;
+        let A_l2_4 = t16 * t14;
+        let A_s4_5_5 = fma(-t9, t15, A_Omega3_Omega3);
+        let A_s4_2_2 = fma(-t16, A_l2_4, A_s3_2_2);
+        let t17 = A_s4_5_5.recip();
+        let A_l1_5 = A_alpha_dot_Omega3 * t17;
+        let t18 = t15 * t16;
+        let A_l2_5 = t18 * t17;
+        let A_s5_1_1 = fma(-A_alpha_dot_Omega3, A_l1_5, self.c49);
+        let A_s5_2_2 = fma(-t18, A_l2_5, A_s4_2_2);
+        let t19 = A_l1_5 * t18;
+        let t20 = A_s5_1_1.recip();
+        let t21 = t19 * t20;
+        let A_s1_2_2 = fma(-t19, t21, A_s5_2_2);
         // velocities of the momenta pi = W^T dL/dy
-        let q_Omega1 = fma(-beta_dot, A_beta_dot_Omega1, Pi1);
+        let q_Omega1 = fma(-beta_dot, t13, Pi1);
         let q_Omega3 = fma(-alpha_dot, A_alpha_dot_Omega3, Pi3);
-        let c_Omega2 = fma(t9, q_Omega1, Pi2);
-        let c_Omega3 = fma(t11, c_Omega2, q_Omega3);
-        let Omega3 = c_Omega3 * t13;
-        let Omega2 = fma(t11, Omega3, c_Omega2 * t10);
-        let Omega1 = fma(t9, Omega2, q_Omega1 * t8);
+        let c_Omega2 = fma(t11, q_Omega1, Pi2);
+        let c_Omega3 = fma(t15, c_Omega2, q_Omega3);
+        let Omega3 = c_Omega3 * t17;
+        let Omega2 = fma(t15, Omega3, c_Omega2 * t14);
+        let Omega1 = fma(t11, Omega2, q_Omega1 * t10);
         // velocities v in squares m/2 |v|^2
-        let t18 = alpha_dot + Omega3;
-        let t19 = self.c48 * sin_alpha;
-        let v1_1_scaled = t18 * t19;
-        let t20 = self.c1 * alpha_dot;
-        let v1_2_scaled = fma(t4, Omega3, cos_alpha * t20);
-        let v1_3_scaled = fma(Omega1, t19, -(t4 * Omega2));
-        let v2_1_over_10_lb = fma(t1, Omega2, -(t2 * Omega3));
-        let v2_2_over_10_lb = fma(t1, Omega1, beta_dot * sin_beta);
-        let t21 = beta_dot * cos_beta;
-        let v2_3_over_10_lb = fma(t2, Omega1, t21);
+        let t22 = alpha_dot + Omega3;
+        let v1_1_over_5_la = sin_alpha * t22;
+        let v1_2_over_5_la = fma(t1, Omega3, alpha_dot * cos_alpha);
+        let v1_3_over_5_la = fma(sin_alpha, Omega1, -(t1 * Omega2));
+        let t23 = self.c50 * t2;
+        let v2_1_over_10_lb = fma(Omega2, t23, -(t4 * Omega3));
+        let v2_2_over_10_lb = fma(Omega1, t23, beta_dot * sin_beta);
+        let v2_3_over_10_lb = fma(t4, Omega1, beta_dot * cos_beta);
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let a1_1_scaled = fma(-Omega2, v1_3_scaled, fma(t18, t20 * cos_alpha, Omega3 * v1_2_scaled));
-        let a1_2_scaled = fma(-Omega1, v1_3_scaled, fma(-t18, t20 * sin_alpha, -(Omega3 * v1_1_scaled)));
-        let a1_3_scaled = fma(t20, fma(cos_alpha, Omega1, sin_alpha * Omega2), fma(Omega1, v1_2_scaled, Omega2 * v1_1_scaled));
+        let a1_1_over_5_la = fma(-Omega2, v1_3_over_5_la, fma(t22, alpha_dot * cos_alpha, Omega3 * v1_2_over_5_la));
+        let a1_2_over_5_la = fma(-Omega1, v1_3_over_5_la, fma(-Omega3, v1_1_over_5_la, -(alpha_dot * v1_1_over_5_la)));
+        let a1_3_over_5_la = fma(alpha_dot, fma(cos_alpha, Omega1, sin_alpha * Omega2), fma(Omega1, v1_2_over_5_la, Omega2 * v1_1_over_5_la));
         let a2_1_over_10_lb = fma(Omega2, v2_3_over_10_lb, fma(Omega3, v2_2_over_10_lb, beta_dot * fma(cos_beta, Omega2, sin_beta * Omega3)));
-        let t22 = beta_dot + Omega1;
-        let a2_2_over_10_lb = fma(t21, t22, fma(Omega1, v2_3_over_10_lb, -(Omega3 * v2_1_over_10_lb)));
-        let a2_3_over_10_lb = fma(-t22, beta_dot * sin_beta, fma(-Omega1, v2_2_over_10_lb, -(Omega2 * v2_1_over_10_lb)));
+        let t24 = beta_dot + Omega1;
+        let a2_2_over_10_lb = fma(t24, beta_dot * cos_beta, fma(Omega1, v2_3_over_10_lb, -(Omega3 * v2_1_over_10_lb)));
+        let a2_3_over_10_lb = fma(-t24, beta_dot * sin_beta, fma(-Omega1, v2_2_over_10_lb, -(Omega2 * v2_1_over_10_lb)));
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t23 = sin_alpha * a1_1_scaled;
-        let r_alpha_dot = fma(-cos_alpha, a1_2_scaled, fma(-alpha, self.ka, -t23));
-        let r_beta_dot = fma(-self.c49, fma(cos_beta, a2_3_over_10_lb, sin_beta * a2_2_over_10_lb), -(self.kb * beta));
-        let t24 = self.c3 * t2;
-        let r_Omega1 = fma(-sin_alpha, a1_3_scaled, fma(-a2_3_over_10_lb, t24, fma(-t0, a2_2_over_10_lb, self.c9 * Omega3 * Omega2)));
-        let r_Omega2 = fma(-t0, a2_1_over_10_lb, fma(t6, a1_3_scaled, Omega1 * (self.c10 * Omega3)));
-        let r_Omega3 = fma(-t6, a1_2_scaled, fma(a2_1_over_10_lb, t24, fma(Omega1, self.c11 * Omega2, -t23)));
+        let t25 = t6 * a1_1_over_5_la;
+        let r_alpha_dot = fma(-a1_2_over_5_la, self.c51 * cos_alpha, fma(-alpha, self.ka, -t25));
+        let r_beta_dot = fma(-self.c52, fma(cos_beta, a2_3_over_10_lb, sin_beta * a2_2_over_10_lb), -(self.kb * beta));
+        let r_Omega1 = fma(-t6, a1_3_over_5_la, fma(-t12, a2_3_over_10_lb, fma(-t2, a2_2_over_10_lb, self.c7 * Omega3 * Omega2)));
+        let r_Omega2 = fma(-t2, a2_1_over_10_lb, fma(t8, a1_3_over_5_la, Omega1 * (self.c8 * Omega3)));
+        let r_Omega3 = fma(-t8, a1_2_over_5_la, fma(t12, a2_1_over_10_lb, fma(Omega1, self.c9 * Omega2, -t25)));
         // substitution through the factors of A
-        let z_Omega2 = fma(t9, r_Omega1, r_Omega2);
-        let z_Omega3 = fma(t11, z_Omega2, r_Omega3);
+        let z_Omega2 = fma(t11, r_Omega1, r_Omega2);
+        let z_Omega3 = fma(t15, z_Omega2, r_Omega3);
         let z_alpha_dot = fma(-A_l1_5, z_Omega3, r_alpha_dot);
-        let z_beta_dot = fma(t17, z_alpha_dot, fma(-A_l2_5, z_Omega3, fma(-A_l2_4, z_Omega2, fma(-A_l2_3, r_Omega1, r_beta_dot))));
+        let z_beta_dot = fma(t21, z_alpha_dot, fma(-A_l2_5, z_Omega3, fma(-A_l2_4, z_Omega2, fma(-A_l2_3, r_Omega1, r_beta_dot))));
         let dot_beta_dot = z_beta_dot / A_s1_2_2;
-        let dot_alpha_dot = fma(t17, dot_beta_dot, z_alpha_dot * t16);
+        let dot_alpha_dot = fma(t21, dot_beta_dot, z_alpha_dot * t20);
         // momentum equation
         let net_Omega1 = fma(-Pi3, Omega2, Pi2 * Omega3);
         let net_Omega2 = fma(Pi3, Omega1, -(Pi1 * Omega3));
         let net_Omega3 = fma(-Pi2, Omega1, Pi1 * Omega2);
-        let t25 = R::from_f64(0.5) * Omega1;
-        let t26 = R::from_f64(0.5) * Omega2;
-        let t27 = R::from_f64(0.5) * Omega3;
-        let dot_qw = fma(-qx, t25, fma(-qy, t26, -(qz * t27)));
-        let dot_qx = fma(qw, t25, fma(-qz, t26, qy * t27));
-        let dot_qy = fma(qz, t25, fma(qw, t26, -(qx * t27)));
-        let dot_qz = fma(-qy, t25, fma(qx, t26, qw * t27));
+        let t26 = R::from_f64(0.5) * Omega1;
+        let t27 = R::from_f64(0.5) * Omega2;
+        let t28 = R::from_f64(0.5) * Omega3;
+        let dot_qw = fma(-qx, t26, fma(-qy, t27, -(qz * t28)));
+        let dot_qx = fma(qw, t26, fma(-qz, t27, qy * t28));
+        let dot_qy = fma(qz, t26, fma(qw, t27, -(qx * t28)));
+        let dot_qz = fma(-qy, t26, fma(qx, t27, qw * t28));
         let dot_cos_alpha = -(sin_alpha * alpha_dot);
         let dot_sin_alpha = cos_alpha * alpha_dot;
         let dot_cos_beta = -(sin_beta * beta_dot);
@@ -466,14 +470,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-        let A_alpha_dot_Omega3 = fma(t1, self.c0, self.c1);
-        let A_beta_dot_Omega1 = fma(t3, self.c4, fma(t2, self.c2, self.c3));
+        let A_alpha_dot_Omega3 = fma(t1, self.c10, self.c1);
+        let A_beta_dot_Omega1 = fma(t3, self.c11, fma(t2, self.c3, self.c2));
         let t4 = self.c12 + t2;
-        let t5 = self.c3 * t4;
-        let t6 = self.c6 + t3;
-        let t7 = fma(self.c7, t6 * t6, t0 * t0);
+        let t5 = self.c2 * t4;
+        let t6 = self.c4 + t3;
+        let t7 = fma(self.c13, t6 * t6, t0 * t0);
         let A_Omega1_Omega1 = fma(t7, self.c1, fma(t4, t5, self.I1));
-        let t8 = self.c13 + t1;
+        let t8 = self.c0 + t1;
         let t9 = self.c1 * t0 * t8;
         let t10 = t8 * t8;
         let A_Omega2_Omega2 = fma(t10, self.c1, fma(t4, t5, self.I2));
@@ -516,14 +520,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-        let A_alpha_dot_Omega3 = fma(t1, self.c0, self.c1);
-        let A_beta_dot_Omega1 = fma(t3, self.c4, fma(t2, self.c2, self.c3));
+        let A_alpha_dot_Omega3 = fma(t1, self.c10, self.c1);
+        let A_beta_dot_Omega1 = fma(t3, self.c11, fma(t2, self.c3, self.c2));
         let t4 = self.c12 + t2;
-        let t5 = self.c3 * t4;
-        let t6 = self.c6 + t3;
-        let t7 = fma(self.c7, t6 * t6, t0 * t0);
+        let t5 = self.c2 * t4;
+        let t6 = self.c4 + t3;
+        let t7 = fma(self.c13, t6 * t6, t0 * t0);
         let A_Omega1_Omega1 = fma(t7, self.c1, fma(t4, t5, self.I1));
-        let t8 = self.c13 + t1;
+        let t8 = self.c0 + t1;
         let t9 = self.c1 * t0 * t8;
         let t10 = t8 * t8;
         let A_Omega2_Omega2 = fma(t10, self.c1, fma(t4, t5, self.I2));
@@ -590,13 +594,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
         let t4 = self.c1 * t0;
         let t5 = t0 * t4;
-        let t6 = self.c13 + t1;
+        let t6 = self.c0 + t1;
         let t7 = self.c1 * t6;
         let A_alpha_dot_Omega3 = fma(t1, t7, t5);
-        let t8 = self.c6 + t3;
-        let t9 = self.c3 * t8;
+        let t8 = self.c4 + t3;
+        let t9 = self.c2 * t8;
         let t10 = self.c12 + t2;
-        let t11 = self.c3 * t10;
+        let t11 = self.c2 * t10;
         let t12 = t2 * t11;
         let A_beta_dot_Omega1 = fma(t3, t9, t12);
         let t13 = fma(t8, t9, t5);
@@ -630,9 +634,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t24 = t2 * t8;
         let t25 = t3 * t10;
         let t26 = t24 - t25;
-        let t27 = self.c34 * t0;
+        let t27 = self.c36 * t0;
         let d_A_Omega1_Omega1_d_alpha = t1 * t27;
-        let t28 = self.c35 * t26;
+        let t28 = self.c33 * t26;
         let d_A_Omega1_Omega2_d_alpha = fma(-t1, t7, t5);
         let d_A_Omega2_Omega3_d_beta = fma(-t3, t9, t12);
         // derivatives of: factors of A
@@ -640,13 +644,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let d_A_l4_3_d_alpha = fma(t18, t29, d_A_Omega1_Omega2_d_alpha * t17);
         let t30 = t28 * t17 * t18;
         let d_A_s3_4_4_d_alpha = fma(t14, d_A_l4_3_d_alpha, fma(t18, d_A_Omega1_Omega2_d_alpha, -(t6 * t27)));
-        let d_A_s3_4_4_d_beta = fma(-t14, t30, self.c35 * t25);
+        let d_A_s3_4_4_d_beta = fma(-t14, t30, self.c33 * t25);
         let t31 = fma(-t20, d_A_s3_4_4_d_beta, -d_A_Omega2_Omega3_d_beta) * t19;
         let t32 = d_A_s3_4_4_d_alpha * t19;
-        let d_A_s4_5_5_d_alpha = fma(t21, t32, -(self.c36 * t0));
-        let d_A_s4_5_5_d_beta = fma(-t16, t31, fma(t20, d_A_Omega2_Omega3_d_beta, -(self.c35 * t24)));
+        let d_A_s4_5_5_d_alpha = fma(t21, t32, -(self.c37 * t0));
+        let d_A_s4_5_5_d_beta = fma(-t16, t31, fma(t20, d_A_Omega2_Omega3_d_beta, -(self.c33 * t24)));
         // derivatives of: velocities of the momenta pi = W^T dL/dy
-        let t33 = t26 * (self.c3 * beta_dot);
+        let t33 = t26 * (self.c2 * beta_dot);
         let d_c_Omega2_d_beta = fma(q_Omega1, t30, t18 * t33);
         let t34 = fma(c_Omega2, t32, q_Omega1 * d_A_l4_3_d_alpha);
         let d_c_Omega3_d_alpha = fma(-t20, t34, -(alpha_dot * d_A_alpha_dot_Omega3_d_alpha));
@@ -683,13 +687,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t53 = fma(t8, Omega1, beta_dot * t3);
         let t54 = fma(t8, t53, t10 * t52);
         let t55 = fma(t10, Omega2, -(t8 * Omega3));
-        let t56 = fma(self.c3, fma(-t55, fma(-t10, d_Omega2_d_alpha, -(t8 * t35)), d_Omega1_d_alpha * t54), fma(d_Omega1_d_alpha, t47, fma(d_Omega2_d_alpha, t46, fma(-t35, t45, self.ka * alpha))));
+        let t56 = fma(self.c2, fma(-t55, fma(-t10, d_Omega2_d_alpha, -(t8 * t35)), d_Omega1_d_alpha * t54), fma(d_Omega1_d_alpha, t47, fma(d_Omega2_d_alpha, t46, fma(-t35, t45, self.ka * alpha))));
         let t57 = fma(t0, t49, t6 * t51);
         let t58 = beta_dot + Omega1;
         let t59 = fma(-t53, fma(-t8, d_Omega1_d_beta, t2 * t58), fma(t52, fma(t10, d_Omega1_d_beta, t3 * t58), t55 * fma(t10, d_Omega2_d_beta, fma(t8, t36, fma(t3, Omega2, t2 * Omega3)))));
         let t60 = fma(self.c1, fma(-t50, fma(-t0, d_Omega1_d_beta, t6 * d_Omega2_d_beta), -(t36 * t57)), fma(d_Omega1_d_beta, t47, fma(d_Omega2_d_beta, t46, fma(-t36, t45, self.kb * beta))));
-        let t61 = fma(-t18, Omega1, self.c37 * Omega2);
-        let t62 = self.I1 * fma(-t20, t61, self.c38 * t45);
+        let t61 = fma(-t18, Omega1, self.c38 * Omega2);
+        let t62 = self.I1 * fma(-t20, t61, self.c39 * t45);
         let t63 = fma(-t0, t18, t6);
         let t64 = t20 * t63;
         let t65 = t38 * t54;
@@ -712,12 +716,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             t43,
             t44,
             fma(self.c1, fma(t50, fma(t0, Omega2 + d_Omega1_d_alpha, fma(-t6, d_Omega2_d_alpha, t1 * Omega1)), fma(-t51, fma(t6, t35, t49), fma(-t0, t35, t1 * t48) * t49)), t56),
-            fma(self.c3, t59, t60),
-            fma(self.c3, fma(-t37, t65, t55 * (t66 * t37)), fma(-t37, t62, self.c1 * fma(t50, t64 * t37, fma(t49, fma(-t0, t37, t0), t51 * fma(-t6, t37, t1))))),
-            fma(self.c3, fma(t53, fma(t8, d_Omega1_d_beta_dot, t3), fma(t52, fma(t10, d_Omega1_d_beta_dot, t2), -(t55 * fma(-t10, d_Omega2_d_beta_dot, -(t8 * t39))))), t67),
-            fma(self.c3, fma(d_Omega1_d_Pi1, t54, -(t55 * fma(-t10, d_Omega2_d_Pi1, t8 * d_Omega3_d_Pi1))), t68),
-            fma(-self.c3, fma(-t54, t18 * d_Omega2_d_Pi2, t55 * fma(-t10, d_Omega2_d_Pi2, t8 * d_Omega3_d_Pi2)), fma(self.c1, fma(-t50, t63 * d_Omega2_d_Pi2, d_Omega3_d_Pi2 * t57), fma(-t61, self.I1 * d_Omega2_d_Pi2, d_Omega3_d_Pi2 * t45))),
-            fma(self.c3, fma(d_Omega3_d_Pi3, t65, -(t55 * (t66 * d_Omega3_d_Pi3))), fma(self.c1, fma(d_Omega3_d_Pi3, t57, -(t50 * (t64 * d_Omega3_d_Pi3))), d_Omega3_d_Pi3 * t62)),
+            fma(self.c2, t59, t60),
+            fma(self.c2, fma(-t37, t65, t55 * (t66 * t37)), fma(-t37, t62, self.c1 * fma(t50, t64 * t37, fma(t49, fma(-t0, t37, t0), t51 * fma(-t6, t37, t1))))),
+            fma(self.c2, fma(t53, fma(t8, d_Omega1_d_beta_dot, t3), fma(t52, fma(t10, d_Omega1_d_beta_dot, t2), -(t55 * fma(-t10, d_Omega2_d_beta_dot, -(t8 * t39))))), t67),
+            fma(self.c2, fma(d_Omega1_d_Pi1, t54, -(t55 * fma(-t10, d_Omega2_d_Pi1, t8 * d_Omega3_d_Pi1))), t68),
+            fma(-self.c2, fma(-t54, t18 * d_Omega2_d_Pi2, t55 * fma(-t10, d_Omega2_d_Pi2, t8 * d_Omega3_d_Pi2)), fma(self.c1, fma(-t50, t63 * d_Omega2_d_Pi2, d_Omega3_d_Pi2 * t57), fma(-t61, self.I1 * d_Omega2_d_Pi2, d_Omega3_d_Pi2 * t45))),
+            fma(self.c2, fma(d_Omega3_d_Pi3, t65, -(t55 * (t66 * d_Omega3_d_Pi3))), fma(self.c1, fma(d_Omega3_d_Pi3, t57, -(t50 * (t64 * d_Omega3_d_Pi3))), d_Omega3_d_Pi3 * t62)),
             t69 + t70,
             fma(qy, t42, -t71),
             fma(qz, t42, qy * t41),
@@ -765,127 +769,135 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
         let t4 = self.c1 * fma(-Omega1, t0, Omega2 * t1);
-        let t5 = self.c0 * t0;
-        let t6 = self.c36 * t1;
+        let t5 = self.c10 * t0;
+        let t6 = self.c37 * t1;
         let t7 = fma(-Omega3, t3, Omega2 * t2);
-        let t8 = fma(self.c4, fma(t3, R::ratio(2.0, 5.0), t2), self.c42);
+        let t8 = fma(self.c11, fma(t3, R::ratio(2.0, 5.0), t2), self.c43);
         [
-            fma(-t0, t4, fma(fma(t3, R::from_f64(2.5), t2), self.c40 * fma(beta_dot, R::from_f64(0.5), Omega1), fma(-Omega2, t5, fma(Omega1, self.c39, self.c3 * beta_dot)))),
-            fma(fma(t7, self.c41, Omega2), self.c40 * t2, fma(t1, t4, fma(-Omega3, t8, fma(-Omega1, t5, fma(Omega2, t6, self.c43 * Omega2))))),
-            fma(fma(-t7, self.lb, Omega3), self.c31 * t3, fma(-Omega2, t8, fma(t6, fma(alpha_dot, R::from_f64(0.5), Omega3), fma(Omega3, self.c44, self.c1 * alpha_dot)))),
+            fma(-t0, t4, fma(fma(t3, R::from_f64(2.5), t2), self.c41 * fma(beta_dot, R::from_f64(0.5), Omega1), fma(-Omega2, t5, fma(Omega1, self.c40, self.c2 * beta_dot)))),
+            fma(fma(t7, self.c42, Omega2), self.c41 * t2, fma(t1, t4, fma(-Omega3, t8, fma(-Omega1, t5, fma(Omega2, t6, self.c44 * Omega2))))),
+            fma(fma(-t7, self.lb, Omega3), self.c46 * t3, fma(-Omega2, t8, fma(t6, fma(alpha_dot, R::from_f64(0.5), Omega3), fma(Omega3, self.c45, self.c1 * alpha_dot)))),
         ]
     }
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
-    /// Operations: 95 additions, 139 multiplications (81 fused), 4 divisions, 61 sign changes, 2 elementary functions.
+    /// Operations: 100 additions, 150 multiplications (86 fused), 4 divisions, 61 sign changes, 2 elementary functions.
     #[must_use]
     pub fn pivots(&self, t: R, y: &[R; 11]) -> [::hamel_runtime::Pivot<R>; 4] {
         let [alpha, beta, _, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-        let A_alpha_dot_Omega3 = fma(t1, self.c0, self.c1);
-        let A_beta_dot_Omega1 = fma(t3, self.c4, fma(t2, self.c2, self.c3));
-        let t4 = self.c3 * t2;
-        let t5 = self.c2 + t4;
-        let t6 = self.c5 * t5;
-        let t7 = t5 * t6;
-        let t8 = t0 * t0;
-        let t9 = self.c6 + t3;
-        let t10 = t9 * t9;
-        let t11 = fma(t10, self.c7, t8);
-        let A_Omega1_Omega1 = fma(t11, self.c1, self.I1) + t7;
-        let t12 = self.c1 * t1;
-        let t13 = self.c0 + t12;
-        let t14 = t0 * t13;
-        let t15 = self.c8 * t13;
-        let t16 = t13 * t15;
-        let A_Omega2_Omega2 = self.I2 + t7 + t16;
-        let t17 = t5 * t9;
-        let A_Omega3_Omega3 = fma(t11, self.c1, self.I3) + t16;
+        let t4 = t0 * t0;
+        let t5 = self.c0 + t1;
+        let t6 = t1 * t5;
+        let A_alpha_dot_Omega3 = self.c1 * (t4 + t6);
+        let t7 = self.c2 * t2;
+        let t8 = self.c3 + t7;
+        let t9 = t8 * t8;
+        let t10 = self.c4 + t3;
+        let t11 = t10 * t10;
+        let t12 = fma(t11, self.c5, t9);
+        let A_Omega1_Omega1 = fma(t12, self.c6, fma(t4, self.c1, self.I1));
+        let t13 = self.c1 * t0;
+        let t14 = t5 * t13;
+        let t15 = self.c1 * t5;
+        let t16 = t5 * t15;
+        let A_Omega2_Omega2 = fma(t9, self.c6, self.I2 + t16);
+        let t17 = t8 * t10;
+        let t18 = t5 * t5;
+        let t19 = t4 + t18;
+        let A_Omega3_Omega3 = fma(t19, self.c1, fma(t11, self.c2, self.I3));
         // factors of A
-        let t18 = A_Omega1_Omega1.recip();
-        let t19 = t14 * t18;
-        let A_l2_3 = A_beta_dot_Omega1 * t18;
-        let t20 = t14 * t19;
-        let A_s3_4_4 = A_Omega2_Omega2 - t20;
-        let t21 = A_beta_dot_Omega1 * A_l2_3;
-        let A_s3_2_2 = self.c3 - t21;
-        let t22 = A_s3_4_4.recip();
-        let t23 = t17 * t22;
-        let t24 = A_beta_dot_Omega1 * t19;
-        let A_l2_4 = t24 * t22;
-        let t25 = t17 * t23;
-        let A_s4_5_5 = A_Omega3_Omega3 - t25;
-        let t26 = t24 * A_l2_4;
-        let A_s4_2_2 = A_s3_2_2 - t26;
-        let t27 = A_s4_5_5.recip();
-        let A_l1_5 = A_alpha_dot_Omega3 * t27;
-        let t28 = t23 * t24;
-        let A_l2_5 = t28 * t27;
-        let t29 = A_alpha_dot_Omega3 * A_l1_5;
-        let A_s5_1_1 = self.c1 - t29;
-        let t30 = t28 * A_l2_5;
-        let A_s5_2_2 = A_s4_2_2 - t30;
-        let t31 = A_l1_5 * t28;
-        let t32 = A_s5_1_1.recip();
-        let t33 = t31 * t32;
-        let t34 = t31 * t33;
-        let A_s1_2_2 = A_s5_2_2 - t34;
-        let t35 = fma(R::from_f64(10.0), t4.abs(), self.c21);
-        let t36 = t6.abs();
-        let t37 = fma(t36, R::from_f64(8.0), self.c5 * t35);
-        let t38 = t5.abs();
-        let t39 = fma(R::from_f64(10.0), t12.abs(), self.c22);
-        let t40 = t15.abs();
-        let t41 = fma(t40, R::from_f64(8.0), self.c8 * t39);
-        let t42 = t13.abs();
-        let t43 = fma(R::from_f64(8.0), t14.abs(), t39 * t0.abs());
-        let A_l4_3 = -t19;
-        let t44 = A_l4_3.abs();
-        let t45 = fma(R::from_f64(10.0), t3.abs(), self.c23);
-        let t46 = fma(R::from_f64(2.0) * t45, (self.c7 * t9).abs(), fma(t10, self.c24, R::from_f64(10.0) * t8));
-        let t47 = fma(t46, self.c1, fma(t37, t38, fma(t35, t36, fma(t7, R::from_f64(11.0), fma(t11, self.c25, self.c26)))));
-        let t48 = t18 * t18;
-        let t49 = fma(t47, (-(t14 * t48)).abs(), fma(t44, R::from_f64(8.0), t43 * t18));
+        let t20 = A_Omega1_Omega1.recip();
+        let t21 = t14 * t20;
+        let t22 = t2 * t8;
+        let t23 = self.c2 * t10;
+        let t24 = t3 * t23;
+        let t25 = t22 + t24;
+        let A_l2_3 = t25 * t20;
+        let t26 = t14 * t21;
+        let A_s3_4_4 = A_Omega2_Omega2 - t26;
+        let t27 = t25 * A_l2_3;
+        let A_s3_2_2 = self.c2 - t27;
+        let t28 = A_s3_4_4.recip();
+        let t29 = t17 * t28;
+        let t30 = t21 * t25;
+        let A_l2_4 = t30 * t28;
+        let t31 = t17 * t29;
+        let A_s4_5_5 = A_Omega3_Omega3 - t31;
+        let t32 = t30 * A_l2_4;
+        let A_s4_2_2 = A_s3_2_2 - t32;
+        let t33 = A_s4_5_5.recip();
+        let A_l1_5 = A_alpha_dot_Omega3 * t33;
+        let t34 = t29 * t30;
+        let A_l2_5 = t34 * t33;
+        let t35 = A_alpha_dot_Omega3 * A_l1_5;
+        let A_s5_1_1 = self.c1 - t35;
+        let t36 = t34 * A_l2_5;
+        let A_s5_2_2 = A_s4_2_2 - t36;
+        let t37 = A_l1_5 * t34;
+        let t38 = A_s5_1_1.recip();
+        let t39 = t37 * t38;
+        let t40 = t37 * t39;
+        let A_s1_2_2 = A_s5_2_2 - t40;
+        let t41 = t1.abs();
+        let t42 = fma(t41, R::from_f64(10.0), self.c21);
+        let t43 = t15.abs();
+        let t44 = t5.abs();
+        let t45 = fma(R::from_f64(10.0), t7.abs(), self.c22);
+        let t46 = t8.abs();
+        let t47 = t45 * t46;
+        let t48 = fma(R::from_f64(8.0), t14.abs(), t42 * t13.abs());
+        let A_l4_3 = -t21;
+        let t49 = A_l4_3.abs();
+        let t50 = t3.abs();
+        let t51 = fma(t50, R::from_f64(10.0), self.c23);
+        let t52 = t10.abs();
+        let t53 = fma(t51, t52, R::from_f64(4.0) * t11);
+        let t54 = fma(self.c6, fma(t47, R::from_f64(2.0), fma(t53, self.c25, fma(t9, R::from_f64(2.0), fma(t9, R::from_f64(8.0), self.c24 * t11)))), fma(t12, self.c28, fma(t4, self.c26, self.c27)));
+        let t55 = t20 * t20;
+        let t56 = fma(t54, (-(t14 * t55)).abs(), fma(t49, R::from_f64(8.0), t48 * t20));
         let A_Omega1_Omega2 = -t14;
-        let t50 = fma(t39, t40, fma(t35, t36, fma(t20, R::from_f64(10.0), fma(A_Omega2_Omega2, R::from_f64(2.0), fma(t16, R::from_f64(11.0), fma(t7, R::from_f64(11.0), self.c27))))));
-        let t51 = fma(t49, A_Omega1_Omega2.abs(), fma(t43, t44, fma(t41, t42, fma(t37, t38, t50))));
-        let t52 = fma(R::from_f64(8.0), t17.abs(), fma(t45, t38, t35 * t9.abs()));
-        let A_l5_4 = -t23;
-        let t53 = A_l5_4.abs();
-        let t54 = t22.abs();
-        let t55 = t22 * t22;
-        let t56 = fma(t51, (-(t17 * t55)).abs(), fma(t53, R::from_f64(8.0), t52 * t54));
+        let t57 = fma(t44, fma(t43, R::from_f64(8.0), self.c1 * t42), fma(t42, t43, fma(t26, R::from_f64(10.0), fma(A_Omega2_Omega2, R::from_f64(2.0), fma(t9, self.c28, fma(t16, R::from_f64(11.0), self.c29))))));
+        let t58 = fma(t56, A_Omega1_Omega2.abs(), fma(t48, t49, fma(self.c30, fma(t9, R::from_f64(4.0), t47), t57)));
+        let t59 = R::from_f64(10.0) * t4;
+        let t60 = fma(R::from_f64(8.0), t17.abs(), fma(t46, t51, t45 * t52));
+        let A_l5_4 = -t29;
+        let t61 = A_l5_4.abs();
+        let t62 = t28.abs();
+        let t63 = t28 * t28;
+        let t64 = fma(t58, (-(t17 * t63)).abs(), fma(t61, R::from_f64(8.0), t60 * t62));
         let A_Omega2_Omega3 = -t17;
-        let t57 = fma(t52, t53, fma(t41, t42, fma(t46, self.c1, fma(t39, t40, fma(A_Omega3_Omega3, R::from_f64(2.0), fma(t16, R::from_f64(11.0), fma(t11, self.c25, self.c28)))))));
-        let t58 = fma(t56, A_Omega2_Omega3.abs(), fma(R::from_f64(10.0), t25.abs(), t57));
-        let t59 = fma(R::from_f64(6.0), (self.c29 * t1).abs(), self.c30);
-        let t60 = A_l1_5.abs();
-        let t61 = t27.abs();
-        let t62 = t27 * t27;
-        let t63 = fma(t58, (A_alpha_dot_Omega3 * t62).abs(), fma(t60, R::from_f64(8.0), t59 * t61));
-        let t64 = fma(t63, A_alpha_dot_Omega3.abs(), fma(R::from_f64(10.0), t29.abs(), fma(t59, t60, self.c30)));
-        let t65 = fma(R::from_f64(5.5), (self.c31 * t3).abs(), fma(R::ratio(11.0, 5.0), (self.c31 * t2).abs(), self.c32));
-        let t66 = A_l2_3.abs();
-        let t67 = A_beta_dot_Omega1.abs();
-        let t68 = (-t24).abs();
-        let t69 = fma(t49, t67, fma(t68, R::from_f64(8.0), t65 * t44));
-        let t70 = t28.abs();
-        let t71 = fma(t56, t68, fma(t70, R::from_f64(8.0), t69 * t53));
-        let t72 = A_l2_5.abs();
-        let t73 = t31.abs();
-        let t74 = fma(t63, t70, fma(t73, R::from_f64(8.0), t71 * t60));
-        let A_l2_1 = -t33;
-        let t75 = fma(R::from_f64(2.0), A_s3_2_2.abs(), fma(t67, fma(t47, (A_beta_dot_Omega1 * t48).abs(), fma(t66, R::from_f64(8.0), t65 * t18)), fma(t65, t66, fma(t21, R::from_f64(10.0), self.c33))));
-        let t76 = fma(t68, fma(t51, (-(t24 * t55)).abs(), fma(R::from_f64(8.0), (-A_l2_4).abs(), t54 * t69)), fma(R::from_f64(2.0), A_s4_2_2.abs(), fma(R::from_f64(10.0), (-t26).abs(), fma(t69, A_l2_4.abs(), t75))));
-        let t77 = fma(R::from_f64(2.0), A_s5_2_2.abs(), fma(t70, fma(t58, (t28 * t62).abs(), fma(t72, R::from_f64(8.0), t61 * t71)), fma(R::from_f64(10.0), t30.abs(), fma(t71, t72, t76))));
+        let t65 = fma(self.c1, fma(t42, R::from_f64(2.0) * t44, fma(t18, R::from_f64(10.0), t59)), fma(t53, self.c33, fma(A_Omega3_Omega3, R::from_f64(2.0), fma(t19, self.c26, fma(t11, self.c31, self.c32)))));
+        let t66 = fma(t64, A_Omega2_Omega3.abs(), fma(R::from_f64(10.0), t31.abs(), fma(t60, t61, t65)));
+        let t67 = A_alpha_dot_Omega3.abs();
+        let t68 = fma(t67, R::from_f64(8.0), self.c1 * fma(R::from_f64(10.0), t6.abs(), fma(t41, t42, t59)));
+        let t69 = A_l1_5.abs();
+        let t70 = t33.abs();
+        let t71 = t33 * t33;
+        let t72 = fma(t66, (A_alpha_dot_Omega3 * t71).abs(), fma(t69, R::from_f64(8.0), t68 * t70));
+        let t73 = fma(t72, t67, fma(R::from_f64(10.0), t35.abs(), fma(t68, t69, self.c34)));
+        let t74 = fma(R::from_f64(10.0), t24.abs(), fma(t50, fma(R::from_f64(8.0), t23.abs(), self.c2 * t51), fma(R::from_f64(10.0), t22.abs(), t45 * t2.abs())));
+        let t75 = A_l2_3.abs();
+        let t76 = t25.abs();
+        let t77 = (-t30).abs();
+        let t78 = fma(t56, t76, fma(t77, R::from_f64(8.0), t74 * t49));
+        let t79 = t34.abs();
+        let t80 = fma(t64, t77, fma(t79, R::from_f64(8.0), t78 * t61));
+        let t81 = A_l2_5.abs();
+        let t82 = t37.abs();
+        let t83 = fma(t72, t79, fma(t82, R::from_f64(8.0), t80 * t69));
+        let A_l2_1 = -t39;
+        let t84 = fma(R::from_f64(2.0), A_s3_2_2.abs(), fma(t76, fma(t54, (t25 * t55).abs(), fma(t75, R::from_f64(8.0), t74 * t20)), fma(t74, t75, fma(t27, R::from_f64(10.0), self.c35))));
+        let t85 = fma(t77, fma(t58, (-(t30 * t63)).abs(), fma(R::from_f64(8.0), (-A_l2_4).abs(), t62 * t78)), fma(R::from_f64(2.0), A_s4_2_2.abs(), fma(R::from_f64(10.0), (-t32).abs(), fma(t78, A_l2_4.abs(), t84))));
+        let t86 = fma(R::from_f64(2.0), A_s5_2_2.abs(), fma(t79, fma(t66, (t34 * t71).abs(), fma(t81, R::from_f64(8.0), t70 * t80)), fma(R::from_f64(10.0), t36.abs(), fma(t80, t81, t85))));
         [
-            ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4, t51),
-            ::hamel_runtime::Pivot::new("inertia along Omega3", A_s4_5_5, t58),
-            ::hamel_runtime::Pivot::new("inertia along alpha_dot", A_s5_1_1, t64),
-            ::hamel_runtime::Pivot::new("inertia along beta_dot", A_s1_2_2, fma(t73, fma(t64, (t31 * (t32 * t32)).abs(), fma(R::from_f64(8.0), t33.abs(), t74 * t32.abs())), fma(R::from_f64(10.0), (-t34).abs(), fma(t74, A_l2_1.abs(), t77)))),
+            ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4, t58),
+            ::hamel_runtime::Pivot::new("inertia along Omega3", A_s4_5_5, t66),
+            ::hamel_runtime::Pivot::new("inertia along alpha_dot", A_s5_1_1, t73),
+            ::hamel_runtime::Pivot::new("inertia along beta_dot", A_s1_2_2, fma(t82, fma(t73, (t37 * (t38 * t38)).abs(), fma(R::from_f64(8.0), t39.abs(), t83 * t38.abs())), fma(R::from_f64(10.0), (-t40).abs(), fma(t83, A_l2_1.abs(), t86)))),
         ]
     }
 
@@ -905,7 +917,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 ::hamel_runtime::over_scalar!(Prepared[11] {
     I1, I2, I3, lb, ka, kb, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17,
     c18, c19, c20, c21, c22, c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36, c37, c38,
-    c39, c40, c41, c42, c43, c44, c45, c46, c47, c48, c49,
+    c39, c40, c41, c42, c43, c44, c45, c46, c47, c48, c49, c50, c51, c52,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {

@@ -59,7 +59,7 @@ pub const INITIAL: [f64; 7] = [0.4, -0.3, 0.2, 0.5, 0.6, -0.9, 1.1];
 ///
 /// Held to its definition at 3 points: 5 functions.
 ///
-/// Function `rhs` has rounding errors of up to 3e4 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `rhs` has rounding errors of up to 2e4 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
 /// Function `energy` has rounding errors of up to 3e3 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
@@ -76,20 +76,20 @@ pub const INITIAL: [f64; 7] = [0.4, -0.3, 0.2, 0.5, 0.6, -0.9, 1.1];
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub struct Prepared<R = f64> {
     I1: R, I2: R, I3: R, lb: R, ka: R, kb: R,
-    c0: R, // (3/5) * ma * la
+    c0: R, // (3/5) / la
     c1: R, // ma * (la * la)
-    c2: R, // (1/5) * mb * lb
-    c3: R, // mb * (lb * lb)
-    c4: R, // 0.5 * mb * lb
-    c5: R, // 1 / (mb * (lb * lb))
-    c6: R, // 0.5 / lb
-    c7: R, // mb * (lb * lb) / (ma * (la * la))
-    c8: R, // 1 / (ma * (la * la))
-    c9: R, // I2 - I3
-    c10: R, // I3 - I1
-    c11: R, // I1 - I2
+    c2: R, // mb * (lb * lb)
+    c3: R, // (1/5) * mb * lb
+    c4: R, // 0.5 / lb
+    c5: R, // mb * mb * (lb * lb * (lb * lb))
+    c6: R, // 1 / (mb * (lb * lb))
+    c7: R, // I2 - I3
+    c8: R, // I3 - I1
+    c9: R, // I1 - I2
+    c10: R, // (3/5) * ma * la
+    c11: R, // 0.5 * mb * lb
     c12: R, // (1/5) / lb
-    c13: R, // (3/5) / la
+    c13: R, // mb * (lb * lb) / (ma * (la * la))
     c14: R, // 0.5 * ka
     c15: R, // 0.5 * kb
     c16: R, // 0.5 * I3
@@ -97,38 +97,42 @@ pub struct Prepared<R = f64> {
     c18: R, // 0.5 * I1
     c19: R, // 0.5 * ma * (la * la)
     c20: R, // 0.5 * mb * (lb * lb)
-    c21: R, // 2 * mb * lb
-    c22: R, // 6 * ma * la
+    c21: R, // 6 / la
+    c22: R, // 2 * mb * lb
     c23: R, // 5 / lb
-    c24: R, // 10 * mb * (lb * lb) / (ma * (la * la))
-    c25: R, // 11 * ma * (la * la)
-    c26: R, // 11 * I1
-    c27: R, // 11 * I2
-    c28: R, // 11 * I3
-    c29: R, // ma * la
-    c30: R, // 10 * ma * (la * la)
-    c31: R, // mb * lb
-    c32: R, // 11 * mb * (lb * lb)
-    c33: R, // 10 * mb * (lb * lb)
-    c34: R, // (1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))
-    c35: R, // (2/5) * mb * lb
-    c36: R, // (6/5) * ma * la
-    c37: R, // 2.5 * lb
-    c38: R, // (1/10) * mb
-    c39: R, // (1/25) * (25 * I2 + 9 * ma + mb)
-    c40: R, // (1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))
-    c41: R, // ma * (la * la)
-    c42: R, // mb * (lb * lb)
-    c43: R, // ma * (la * la)
-    c44: R, // ma * (la * la)
+    c24: R, // 10 * (mb * mb) * (lb * lb * (lb * lb))
+    c25: R, // 2 * (mb * mb) * (lb * lb * (lb * lb))
+    c26: R, // 11 * ma * (la * la)
+    c27: R, // 11 * I1
+    c28: R, // 11 / (mb * (lb * lb))
+    c29: R, // 11 * I2
+    c30: R, // 2 / (mb * (lb * lb))
+    c31: R, // 11 * mb * (lb * lb)
+    c32: R, // 11 * I3
+    c33: R, // 2 * mb * (lb * lb)
+    c34: R, // 10 * ma * (la * la)
+    c35: R, // 10 * mb * (lb * lb)
+    c36: R, // (1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))
+    c37: R, // (2/5) * mb * lb
+    c38: R, // (6/5) * ma * la
+    c39: R, // 2.5 * lb
+    c40: R, // (1/10) * mb
+    c41: R, // (1/25) * (25 * I2 + 9 * ma + mb)
+    c42: R, // (1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))
+    c43: R, // mb * lb
+    c44: R, // 1 / (mb * (lb * lb))
     c45: R, // mb * (lb * lb)
+    c46: R, // ma * (la * la)
+    c47: R, // 1 / (mb * (lb * lb))
+    c48: R, // ma * (la * la)
+    c49: R, // mb * (lb * lb)
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 10 additions, 54 multiplications, 8 divisions.
+    /// Operations: 10 additions, 59 multiplications, 9 divisions.
     ///
     /// # Errors
     ///
@@ -138,10 +142,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
         let t0 = la * la;
         let t1 = ma * t0;
-        let t2 = R::from_f64(0.5) * mb;
-        let t3 = lb * lb;
-        let t4 = mb * t3;
-        let t5 = R::from_f64(10.0) * mb * t3;
+        let t2 = lb * lb;
+        let t3 = mb * t2;
+        let t4 = mb * mb;
+        let t5 = t2 * t2;
+        let t6 = t3.recip();
+        let t7 = R::from_f64(0.5) * mb;
+        let t8 = R::from_f64(2.0) * mb;
         ::hamel_runtime::ParamError::require(I1.all_gt(R::ZERO), "I1 > 0", "")?;
         ::hamel_runtime::ParamError::require(I2.all_gt(R::ZERO), "I2 > 0", "")?;
         ::hamel_runtime::ParamError::require(I3.all_gt(R::ZERO), "I3 > 0", "")?;
@@ -150,32 +157,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ::hamel_runtime::ParamError::require(mb.all_gt(R::ZERO), "mb > 0", "")?;
         ::hamel_runtime::ParamError::require(lb.all_gt(R::ZERO), "lb > 0", "")?;
         Ok(Self {
-            I1, I2, I3, lb, ka, kb,
-            c0: R::ratio(3.0, 5.0) * ma * la,
-            c1: t1,
-            c2: R::ratio(1.0, 5.0) * mb * lb,
-            c3: t4, c4: t2 * lb, c5: t4.recip(), c6: R::from_f64(0.5) / lb, c7: t4 / t1, c8: t1.recip(), c9: I2 - I3,
-            c10: I3 - I1, c11: I1 - I2, c12: R::ratio(1.0, 5.0) / lb, c13: R::ratio(3.0, 5.0) / la,
-            c14: R::from_f64(0.5) * ka, c15: R::from_f64(0.5) * kb, c16: R::from_f64(0.5) * I3,
-            c17: R::from_f64(0.5) * I2, c18: R::from_f64(0.5) * I1,
+            I1, I2, I3, lb, ka, kb, c0: R::ratio(3.0, 5.0) / la, c1: t1, c2: t3,
+            c3: R::ratio(1.0, 5.0) * mb * lb,
+            c4: R::from_f64(0.5) / lb, c5: t4 * t5, c6: t6, c7: I2 - I3, c8: I3 - I1, c9: I1 - I2,
+            c10: R::ratio(3.0, 5.0) * ma * la,
+            c11: t7 * lb, c12: R::ratio(1.0, 5.0) / lb, c13: t3 / t1, c14: R::from_f64(0.5) * ka,
+            c15: R::from_f64(0.5) * kb, c16: R::from_f64(0.5) * I3, c17: R::from_f64(0.5) * I2,
+            c18: R::from_f64(0.5) * I1,
             c19: R::from_f64(0.5) * ma * t0,
-            c20: t2 * t3,
-            c21: R::from_f64(2.0) * mb * lb,
-            c22: R::from_f64(6.0) * ma * la,
-            c23: R::from_f64(5.0) / lb, c24: t5 / t1,
-            c25: R::from_f64(11.0) * ma * t0,
-            c26: R::from_f64(11.0) * I1, c27: R::from_f64(11.0) * I2, c28: R::from_f64(11.0) * I3, c29: ma * la,
-            c30: R::from_f64(10.0) * ma * t0,
-            c31: mb * lb,
-            c32: R::from_f64(11.0) * mb * t3,
-            c33: t5,
-            c34: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * (R::from_f64(29.0) + R::from_f64(100.0) * t3)),
-            c35: R::ratio(2.0, 5.0) * mb * lb,
-            c36: R::ratio(6.0, 5.0) * ma * la,
-            c37: R::from_f64(2.5) * lb, c38: R::ratio(1.0, 10.0) * mb,
-            c39: R::ratio(1.0, 25.0) * (R::from_f64(25.0) * I2 + R::from_f64(9.0) * ma + mb),
-            c40: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb + R::from_f64(4.0) * ma * (R::from_f64(9.0) + R::from_f64(25.0) * t0)),
-            c41: t1, c42: t4, c43: t1, c44: t1, c45: t4,
+            c20: t7 * t2, c21: R::from_f64(6.0) / la, c22: t8 * lb, c23: R::from_f64(5.0) / lb,
+            c24: R::from_f64(10.0) * t4 * t5,
+            c25: R::from_f64(2.0) * t4 * t5,
+            c26: R::from_f64(11.0) * ma * t0,
+            c27: R::from_f64(11.0) * I1, c28: R::from_f64(11.0) / t3, c29: R::from_f64(11.0) * I2,
+            c30: R::from_f64(2.0) / t3,
+            c31: R::from_f64(11.0) * mb * t2,
+            c32: R::from_f64(11.0) * I3, c33: t8 * t2,
+            c34: R::from_f64(10.0) * ma * t0,
+            c35: R::from_f64(10.0) * mb * t2,
+            c36: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * (R::from_f64(29.0) + R::from_f64(100.0) * t2)),
+            c37: R::ratio(2.0, 5.0) * mb * lb,
+            c38: R::ratio(6.0, 5.0) * ma * la,
+            c39: R::from_f64(2.5) * lb, c40: R::ratio(1.0, 10.0) * mb,
+            c41: R::ratio(1.0, 25.0) * (R::from_f64(25.0) * I2 + R::from_f64(9.0) * ma + mb),
+            c42: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb + R::from_f64(4.0) * ma * (R::from_f64(9.0) + R::from_f64(25.0) * t0)),
+            c43: mb * lb, c44: t6, c45: t3, c46: t1, c47: t6, c48: t1, c49: t3,
         })
     }
 
@@ -187,90 +193,90 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain two_arm_satellite_routh
     /// ```
     ///
-    /// Operations: 70 additions, 118 multiplications (67 fused), 5 divisions, 2 elementary functions.
+    /// Operations: 70 additions, 120 multiplications (66 fused), 5 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [alpha, beta, alpha_dot, beta_dot, Pi1, Pi2, Pi3] = *y;
         let _ = t;
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-        let A_alpha_dot_Omega3 = fma(t1, self.c0, self.c1);
-        let A_beta_dot_Omega1 = fma(t3, self.c4, fma(t2, self.c2, self.c3));
-        let t4 = fma(t2, self.c3, self.c2);
-        let t5 = self.c5 * t4;
-        let t6 = self.c6 + t3;
-        let t7 = fma(self.c7, t6 * t6, t0 * t0);
-        let A_Omega1_Omega1 = fma(t7, self.c41, fma(t4, t5, self.I1));
-        let t8 = fma(t1, self.c1, self.c0);
-        let t9 = t0 * t8;
-        let t10 = self.c8 * t8;
-        let A_Omega2_Omega2 = fma(t8, t10, fma(t4, t5, self.I2));
-        let t11 = t4 * t6;
-        let A_Omega3_Omega3 = fma(t7, self.c1, fma(t8, t10, self.I3));
+        let t4 = t0 * t0;
+        let t5 = self.c0 + t1;
+        let A_alpha_dot_Omega3 = self.c1 * fma(t1, t5, t4);
+        let t6 = fma(t2, self.c2, self.c3);
+        let t7 = t6 * t6;
+        let t8 = self.c4 + t3;
+        let t9 = t8 * t8;
+        let A_Omega1_Omega1 = fma(self.c6, fma(t9, self.c5, t7), fma(t4, self.c1, self.I1));
+        let t10 = self.c1 * t0;
+        let t11 = t5 * t10;
+        let t12 = self.c1 * t5;
+        let A_Omega2_Omega2 = fma(t7, self.c44, fma(t5, t12, self.I2));
+        let t13 = t6 * t8;
+        let A_Omega3_Omega3 = fma(t9, self.c45, fma(self.c1, fma(t5, t5, t4), self.I3));
         // factors of A
-        let t12 = A_Omega1_Omega1.recip();
-        let t13 = t9 * t12;
-        let A_l2_3 = A_beta_dot_Omega1 * t12;
-        let A_s3_4_4 = fma(-t9, t13, A_Omega2_Omega2);
-        let A_s3_2_2 = fma(-A_beta_dot_Omega1, A_l2_3, self.c42);
-        let t14 = A_s3_4_4.recip();
+        let t14 = A_Omega1_Omega1.recip();
         let t15 = t11 * t14;
-        let t16 = A_beta_dot_Omega1 * t13;
-        let A_l2_4 = t16 * t14;
-        let A_s4_5_5 = fma(-t11, t15, A_Omega3_Omega3);
-        let A_s4_2_2 = fma(-t16, A_l2_4, A_s3_2_2);
-        let t17 = A_s4_5_5.recip();
-        let A_l1_5 = A_alpha_dot_Omega3 * t17;
-        let t18 = t15 * t16;
-        let A_l2_5 = t18 * t17;
-        let A_s5_1_1 = fma(-A_alpha_dot_Omega3, A_l1_5, self.c43);
-        let A_s5_2_2 = fma(-t18, A_l2_5, A_s4_2_2);
-        let t19 = A_l1_5 * t18;
-        let t20 = A_s5_1_1.recip();
-        let t21 = t19 * t20;
-        let A_s1_2_2 = fma(-t19, t21, A_s5_2_2);
+        let t16 = self.c2 * t8;
+        let t17 = fma(t3, t16, t2 * t6);
+        let A_l2_3 = t17 * t14;
+        let A_s3_4_4 = fma(-t11, t15, A_Omega2_Omega2);
+        let A_s3_2_2 = fma(-t17, A_l2_3, self.c2);
+        let t18 = A_s3_4_4.recip();
+        let t19 = t13 * t18;
+        let t20 = t15 * t17;
+        let A_l2_4 = t20 * t18;
+        let A_s4_5_5 = fma(-t13, t19, A_Omega3_Omega3);
+        let A_s4_2_2 = fma(-t20, A_l2_4, A_s3_2_2);
+        let t21 = A_s4_5_5.recip();
+        let A_l1_5 = A_alpha_dot_Omega3 * t21;
+        let t22 = t19 * t20;
+        let A_l2_5 = t22 * t21;
+        let A_s5_1_1 = fma(-A_alpha_dot_Omega3, A_l1_5, self.c46);
+        let A_s5_2_2 = fma(-t22, A_l2_5, A_s4_2_2);
+        let t23 = A_l1_5 * t22;
+        let t24 = A_s5_1_1.recip();
+        let t25 = t23 * t24;
+        let A_s1_2_2 = fma(-t23, t25, A_s5_2_2);
         // velocities of the momenta pi = W^T dL/dy
-        let q_Omega1 = fma(-beta_dot, A_beta_dot_Omega1, Pi1);
+        let q_Omega1 = fma(-beta_dot, t17, Pi1);
         let q_Omega3 = fma(-alpha_dot, A_alpha_dot_Omega3, Pi3);
-        let c_Omega2 = fma(t13, q_Omega1, Pi2);
-        let c_Omega3 = fma(t15, c_Omega2, q_Omega3);
-        let Omega3 = c_Omega3 * t17;
-        let Omega2 = fma(t15, Omega3, c_Omega2 * t14);
-        let Omega1 = fma(t13, Omega2, q_Omega1 * t12);
+        let c_Omega2 = fma(t15, q_Omega1, Pi2);
+        let c_Omega3 = fma(t19, c_Omega2, q_Omega3);
+        let Omega3 = c_Omega3 * t21;
+        let Omega2 = fma(t19, Omega3, c_Omega2 * t18);
+        let Omega1 = fma(t15, Omega2, q_Omega1 * t14);
         // velocities v in squares m/2 |v|^2
-        let t22 = alpha_dot + Omega3;
-        let t23 = self.c44 * t0;
-        let v1_1_scaled = t22 * t23;
-        let t24 = self.c1 * alpha_dot;
-        let v1_2_scaled = fma(t8, Omega3, t1 * t24);
-        let v1_3_scaled = fma(Omega1, t23, -(t8 * Omega2));
-        let v2_1_over_10_lb = fma(t5, Omega2, -(t6 * Omega3));
-        let v2_2_over_10_lb = fma(t5, Omega1, beta_dot * t2);
-        let t25 = beta_dot * t3;
-        let v2_3_over_10_lb = fma(t6, Omega1, t25);
+        let t26 = alpha_dot + Omega3;
+        let v1_1_over_5_la = t0 * t26;
+        let v1_2_over_5_la = fma(t5, Omega3, alpha_dot * t1);
+        let v1_3_over_5_la = fma(t0, Omega1, -(t5 * Omega2));
+        let t27 = self.c47 * t6;
+        let v2_1_over_10_lb = fma(Omega2, t27, -(t8 * Omega3));
+        let v2_2_over_10_lb = fma(Omega1, t27, beta_dot * t2);
+        let v2_3_over_10_lb = fma(t8, Omega1, beta_dot * t3);
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let a1_1_scaled = fma(-Omega2, v1_3_scaled, fma(t22, t24 * t1, Omega3 * v1_2_scaled));
-        let a1_2_scaled = fma(-Omega1, v1_3_scaled, fma(-t22, t24 * t0, -(Omega3 * v1_1_scaled)));
-        let a1_3_scaled = fma(t24, fma(t1, Omega1, t0 * Omega2), fma(Omega1, v1_2_scaled, Omega2 * v1_1_scaled));
+        let a1_1_over_5_la = fma(-Omega2, v1_3_over_5_la, fma(t26, alpha_dot * t1, Omega3 * v1_2_over_5_la));
+        let a1_2_over_5_la = fma(-Omega1, v1_3_over_5_la, fma(-Omega3, v1_1_over_5_la, -(alpha_dot * v1_1_over_5_la)));
+        let a1_3_over_5_la = fma(alpha_dot, fma(t1, Omega1, t0 * Omega2), fma(Omega1, v1_2_over_5_la, Omega2 * v1_1_over_5_la));
         let a2_1_over_10_lb = fma(Omega2, v2_3_over_10_lb, fma(Omega3, v2_2_over_10_lb, beta_dot * fma(t3, Omega2, t2 * Omega3)));
-        let t26 = beta_dot + Omega1;
-        let a2_2_over_10_lb = fma(t25, t26, fma(Omega1, v2_3_over_10_lb, -(Omega3 * v2_1_over_10_lb)));
-        let a2_3_over_10_lb = fma(-t26, beta_dot * t2, fma(-Omega1, v2_2_over_10_lb, -(Omega2 * v2_1_over_10_lb)));
+        let t28 = beta_dot + Omega1;
+        let a2_2_over_10_lb = fma(t28, beta_dot * t3, fma(Omega1, v2_3_over_10_lb, -(Omega3 * v2_1_over_10_lb)));
+        let a2_3_over_10_lb = fma(-t28, beta_dot * t2, fma(-Omega1, v2_2_over_10_lb, -(Omega2 * v2_1_over_10_lb)));
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t27 = t0 * a1_1_scaled;
-        let r_alpha_dot = fma(-t1, a1_2_scaled, fma(-alpha, self.ka, -t27));
-        let r_beta_dot = fma(-self.c45, fma(t3, a2_3_over_10_lb, t2 * a2_2_over_10_lb), -(self.kb * beta));
-        let t28 = self.c3 * t6;
-        let r_Omega1 = fma(-t0, a1_3_scaled, fma(-a2_3_over_10_lb, t28, fma(-t4, a2_2_over_10_lb, self.c9 * Omega3 * Omega2)));
-        let r_Omega2 = fma(-t4, a2_1_over_10_lb, fma(t10, a1_3_scaled, Omega1 * (self.c10 * Omega3)));
-        let r_Omega3 = fma(-t10, a1_2_scaled, fma(a2_1_over_10_lb, t28, fma(Omega1, self.c11 * Omega2, -t27)));
+        let t29 = t10 * a1_1_over_5_la;
+        let r_alpha_dot = fma(-a1_2_over_5_la, self.c48 * t1, fma(-alpha, self.ka, -t29));
+        let r_beta_dot = fma(-self.c49, fma(t3, a2_3_over_10_lb, t2 * a2_2_over_10_lb), -(self.kb * beta));
+        let r_Omega1 = fma(-t10, a1_3_over_5_la, fma(-t16, a2_3_over_10_lb, fma(-t6, a2_2_over_10_lb, self.c7 * Omega3 * Omega2)));
+        let r_Omega2 = fma(-t6, a2_1_over_10_lb, fma(t12, a1_3_over_5_la, Omega1 * (self.c8 * Omega3)));
+        let r_Omega3 = fma(-t12, a1_2_over_5_la, fma(t16, a2_1_over_10_lb, fma(Omega1, self.c9 * Omega2, -t29)));
         // substitution through the factors of A
-        let z_Omega2 = fma(t13, r_Omega1, r_Omega2);
-        let z_Omega3 = fma(t15, z_Omega2, r_Omega3);
+        let z_Omega2 = fma(t15, r_Omega1, r_Omega2);
+        let z_Omega3 = fma(t19, z_Omega2, r_Omega3);
         let z_alpha_dot = fma(-A_l1_5, z_Omega3, r_alpha_dot);
-        let z_beta_dot = fma(t21, z_alpha_dot, fma(-A_l2_5, z_Omega3, fma(-A_l2_4, z_Omega2, fma(-A_l2_3, r_Omega1, r_beta_dot))));
+        let z_beta_dot = fma(t25, z_alpha_dot, fma(-A_l2_5, z_Omega3, fma(-A_l2_4, z_Omega2, fma(-A_l2_3, r_Omega1, r_beta_dot))));
         let dot_beta_dot = z_beta_dot / A_s1_2_2;
-        let dot_alpha_dot = fma(t21, dot_beta_dot, z_alpha_dot * t20);
+        let dot_alpha_dot = fma(t25, dot_beta_dot, z_alpha_dot * t24);
         // momentum equation
         let net_Omega1 = fma(-Pi3, Omega2, Pi2 * Omega3);
         let net_Omega2 = fma(Pi3, Omega1, -(Pi1 * Omega3));
@@ -287,89 +293,89 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      sin_beta]
     /// ```
     ///
-    /// Operations: 70 additions, 122 multiplications (67 fused), 5 divisions, 2 sign changes.
+    /// Operations: 70 additions, 124 multiplications (66 fused), 5 divisions, 2 sign changes.
     #[inline]
     pub fn rhs_on_circles(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
         let [alpha, beta, alpha_dot, beta_dot, Pi1, Pi2, Pi3, cos_alpha, sin_alpha, cos_beta, sin_beta] = *y;
         let _ = t;
         // mass matrix A = W^T L_yy Psi
-        let A_alpha_dot_Omega3 = fma(cos_alpha, self.c0, self.c1);
-        let A_beta_dot_Omega1 = fma(cos_beta, self.c4, fma(sin_beta, self.c2, self.c3));
-        let t0 = fma(sin_beta, self.c3, self.c2);
-        let t1 = self.c5 * t0;
-        let t2 = self.c6 + cos_beta;
-        let t3 = fma(self.c7, t2 * t2, sin_alpha * sin_alpha);
-        let A_Omega1_Omega1 = fma(t3, self.c41, fma(t0, t1, self.I1));
-        let t4 = fma(cos_alpha, self.c1, self.c0);
-        let t5 = sin_alpha * t4;
-        let t6 = self.c8 * t4;
-        let A_Omega2_Omega2 = fma(t4, t6, fma(t0, t1, self.I2));
-        let t7 = t0 * t2;
-        let A_Omega3_Omega3 = fma(t3, self.c1, fma(t4, t6, self.I3));
+        let t0 = sin_alpha * sin_alpha;
+        let t1 = self.c0 + cos_alpha;
+        let A_alpha_dot_Omega3 = self.c1 * fma(cos_alpha, t1, t0);
+        let t2 = fma(sin_beta, self.c2, self.c3);
+        let t3 = t2 * t2;
+        let t4 = self.c4 + cos_beta;
+        let t5 = t4 * t4;
+        let A_Omega1_Omega1 = fma(self.c6, fma(t5, self.c5, t3), fma(t0, self.c1, self.I1));
+        let t6 = self.c1 * sin_alpha;
+        let t7 = t1 * t6;
+        let t8 = self.c1 * t1;
+        let A_Omega2_Omega2 = fma(t3, self.c44, fma(t1, t8, self.I2));
+        let t9 = t2 * t4;
+        let A_Omega3_Omega3 = fma(t5, self.c45, fma(self.c1, fma(t1, t1, t0), self.I3));
         // factors of A
-        let t8 = A_Omega1_Omega1.recip();
-        let t9 = t5 * t8;
-        let A_l2_3 = A_beta_dot_Omega1 * t8;
-        let A_s3_4_4 = fma(-t5, t9, A_Omega2_Omega2);
-        let A_s3_2_2 = fma(-A_beta_dot_Omega1, A_l2_3, self.c42);
-        let t10 = A_s3_4_4.recip();
+        let t10 = A_Omega1_Omega1.recip();
         let t11 = t7 * t10;
-        let t12 = A_beta_dot_Omega1 * t9;
-        let A_l2_4 = t12 * t10;
-        let A_s4_5_5 = fma(-t7, t11, A_Omega3_Omega3);
-        let A_s4_2_2 = fma(-t12, A_l2_4, A_s3_2_2);
-        let t13 = A_s4_5_5.recip();
-        let A_l1_5 = A_alpha_dot_Omega3 * t13;
-        let t14 = t11 * t12;
-        let A_l2_5 = t14 * t13;
-        let A_s5_1_1 = fma(-A_alpha_dot_Omega3, A_l1_5, self.c43);
-        let A_s5_2_2 = fma(-t14, A_l2_5, A_s4_2_2);
-        let t15 = A_l1_5 * t14;
-        let t16 = A_s5_1_1.recip();
-        let t17 = t15 * t16;
-        let A_s1_2_2 = fma(-t15, t17, A_s5_2_2);
+        let t12 = self.c2 * t4;
+        let t13 = fma(cos_beta, t12, sin_beta * t2);
+        let A_l2_3 = t13 * t10;
+        let A_s3_4_4 = fma(-t7, t11, A_Omega2_Omega2);
+        let A_s3_2_2 = fma(-t13, A_l2_3, self.c2);
+        let t14 = A_s3_4_4.recip();
+        let t15 = t9 * t14;
+        let t16 = t11 * t13;
+        let A_l2_4 = t16 * t14;
+        let A_s4_5_5 = fma(-t9, t15, A_Omega3_Omega3);
+        let A_s4_2_2 = fma(-t16, A_l2_4, A_s3_2_2);
+        let t17 = A_s4_5_5.recip();
+        let A_l1_5 = A_alpha_dot_Omega3 * t17;
+        let t18 = t15 * t16;
+        let A_l2_5 = t18 * t17;
+        let A_s5_1_1 = fma(-A_alpha_dot_Omega3, A_l1_5, self.c46);
+        let A_s5_2_2 = fma(-t18, A_l2_5, A_s4_2_2);
+        let t19 = A_l1_5 * t18;
+        let t20 = A_s5_1_1.recip();
+        let t21 = t19 * t20;
+        let A_s1_2_2 = fma(-t19, t21, A_s5_2_2);
         // velocities of the momenta pi = W^T dL/dy
-        let q_Omega1 = fma(-beta_dot, A_beta_dot_Omega1, Pi1);
+        let q_Omega1 = fma(-beta_dot, t13, Pi1);
         let q_Omega3 = fma(-alpha_dot, A_alpha_dot_Omega3, Pi3);
-        let c_Omega2 = fma(t9, q_Omega1, Pi2);
-        let c_Omega3 = fma(t11, c_Omega2, q_Omega3);
-        let Omega3 = c_Omega3 * t13;
-        let Omega2 = fma(t11, Omega3, c_Omega2 * t10);
-        let Omega1 = fma(t9, Omega2, q_Omega1 * t8);
+        let c_Omega2 = fma(t11, q_Omega1, Pi2);
+        let c_Omega3 = fma(t15, c_Omega2, q_Omega3);
+        let Omega3 = c_Omega3 * t17;
+        let Omega2 = fma(t15, Omega3, c_Omega2 * t14);
+        let Omega1 = fma(t11, Omega2, q_Omega1 * t10);
         // velocities v in squares m/2 |v|^2
-        let t18 = alpha_dot + Omega3;
-        let t19 = self.c44 * sin_alpha;
-        let v1_1_scaled = t18 * t19;
-        let t20 = self.c1 * alpha_dot;
-        let v1_2_scaled = fma(t4, Omega3, cos_alpha * t20);
-        let v1_3_scaled = fma(Omega1, t19, -(t4 * Omega2));
-        let v2_1_over_10_lb = fma(t1, Omega2, -(t2 * Omega3));
-        let v2_2_over_10_lb = fma(t1, Omega1, beta_dot * sin_beta);
-        let t21 = beta_dot * cos_beta;
-        let v2_3_over_10_lb = fma(t2, Omega1, t21);
+        let t22 = alpha_dot + Omega3;
+        let v1_1_over_5_la = sin_alpha * t22;
+        let v1_2_over_5_la = fma(t1, Omega3, alpha_dot * cos_alpha);
+        let v1_3_over_5_la = fma(sin_alpha, Omega1, -(t1 * Omega2));
+        let t23 = self.c47 * t2;
+        let v2_1_over_10_lb = fma(Omega2, t23, -(t4 * Omega3));
+        let v2_2_over_10_lb = fma(Omega1, t23, beta_dot * sin_beta);
+        let v2_3_over_10_lb = fma(t4, Omega1, beta_dot * cos_beta);
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let a1_1_scaled = fma(-Omega2, v1_3_scaled, fma(t18, t20 * cos_alpha, Omega3 * v1_2_scaled));
-        let a1_2_scaled = fma(-Omega1, v1_3_scaled, fma(-t18, t20 * sin_alpha, -(Omega3 * v1_1_scaled)));
-        let a1_3_scaled = fma(t20, fma(cos_alpha, Omega1, sin_alpha * Omega2), fma(Omega1, v1_2_scaled, Omega2 * v1_1_scaled));
+        let a1_1_over_5_la = fma(-Omega2, v1_3_over_5_la, fma(t22, alpha_dot * cos_alpha, Omega3 * v1_2_over_5_la));
+        let a1_2_over_5_la = fma(-Omega1, v1_3_over_5_la, fma(-Omega3, v1_1_over_5_la, -(alpha_dot * v1_1_over_5_la)));
+        let a1_3_over_5_la = fma(alpha_dot, fma(cos_alpha, Omega1, sin_alpha * Omega2), fma(Omega1, v1_2_over_5_la, Omega2 * v1_1_over_5_la));
         let a2_1_over_10_lb = fma(Omega2, v2_3_over_10_lb, fma(Omega3, v2_2_over_10_lb, beta_dot * fma(cos_beta, Omega2, sin_beta * Omega3)));
-        let t22 = beta_dot + Omega1;
-        let a2_2_over_10_lb = fma(t21, t22, fma(Omega1, v2_3_over_10_lb, -(Omega3 * v2_1_over_10_lb)));
-        let a2_3_over_10_lb = fma(-t22, beta_dot * sin_beta, fma(-Omega1, v2_2_over_10_lb, -(Omega2 * v2_1_over_10_lb)));
+        let t24 = beta_dot + Omega1;
+        let a2_2_over_10_lb = fma(t24, beta_dot * cos_beta, fma(Omega1, v2_3_over_10_lb, -(Omega3 * v2_1_over_10_lb)));
+        let a2_3_over_10_lb = fma(-t24, beta_dot * sin_beta, fma(-Omega1, v2_2_over_10_lb, -(Omega2 * v2_1_over_10_lb)));
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t23 = sin_alpha * a1_1_scaled;
-        let r_alpha_dot = fma(-cos_alpha, a1_2_scaled, fma(-alpha, self.ka, -t23));
-        let r_beta_dot = fma(-self.c45, fma(cos_beta, a2_3_over_10_lb, sin_beta * a2_2_over_10_lb), -(self.kb * beta));
-        let t24 = self.c3 * t2;
-        let r_Omega1 = fma(-sin_alpha, a1_3_scaled, fma(-a2_3_over_10_lb, t24, fma(-t0, a2_2_over_10_lb, self.c9 * Omega3 * Omega2)));
-        let r_Omega2 = fma(-t0, a2_1_over_10_lb, fma(t6, a1_3_scaled, Omega1 * (self.c10 * Omega3)));
-        let r_Omega3 = fma(-t6, a1_2_scaled, fma(a2_1_over_10_lb, t24, fma(Omega1, self.c11 * Omega2, -t23)));
+        let t25 = t6 * a1_1_over_5_la;
+        let r_alpha_dot = fma(-a1_2_over_5_la, self.c48 * cos_alpha, fma(-alpha, self.ka, -t25));
+        let r_beta_dot = fma(-self.c49, fma(cos_beta, a2_3_over_10_lb, sin_beta * a2_2_over_10_lb), -(self.kb * beta));
+        let r_Omega1 = fma(-t6, a1_3_over_5_la, fma(-t12, a2_3_over_10_lb, fma(-t2, a2_2_over_10_lb, self.c7 * Omega3 * Omega2)));
+        let r_Omega2 = fma(-t2, a2_1_over_10_lb, fma(t8, a1_3_over_5_la, Omega1 * (self.c8 * Omega3)));
+        let r_Omega3 = fma(-t8, a1_2_over_5_la, fma(t12, a2_1_over_10_lb, fma(Omega1, self.c9 * Omega2, -t25)));
         // substitution through the factors of A
-        let z_Omega2 = fma(t9, r_Omega1, r_Omega2);
-        let z_Omega3 = fma(t11, z_Omega2, r_Omega3);
+        let z_Omega2 = fma(t11, r_Omega1, r_Omega2);
+        let z_Omega3 = fma(t15, z_Omega2, r_Omega3);
         let z_alpha_dot = fma(-A_l1_5, z_Omega3, r_alpha_dot);
-        let z_beta_dot = fma(t17, z_alpha_dot, fma(-A_l2_5, z_Omega3, fma(-A_l2_4, z_Omega2, fma(-A_l2_3, r_Omega1, r_beta_dot))));
+        let z_beta_dot = fma(t21, z_alpha_dot, fma(-A_l2_5, z_Omega3, fma(-A_l2_4, z_Omega2, fma(-A_l2_3, r_Omega1, r_beta_dot))));
         let dot_beta_dot = z_beta_dot / A_s1_2_2;
-        let dot_alpha_dot = fma(t17, dot_beta_dot, z_alpha_dot * t16);
+        let dot_alpha_dot = fma(t21, dot_beta_dot, z_alpha_dot * t20);
         // momentum equation
         let net_Omega1 = fma(-Pi3, Omega2, Pi2 * Omega3);
         let net_Omega2 = fma(Pi3, Omega1, -(Pi1 * Omega3));
@@ -411,14 +417,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-        let A_alpha_dot_Omega3 = fma(t1, self.c0, self.c1);
-        let A_beta_dot_Omega1 = fma(t3, self.c4, fma(t2, self.c2, self.c3));
+        let A_alpha_dot_Omega3 = fma(t1, self.c10, self.c1);
+        let A_beta_dot_Omega1 = fma(t3, self.c11, fma(t2, self.c3, self.c2));
         let t4 = self.c12 + t2;
-        let t5 = self.c3 * t4;
-        let t6 = self.c6 + t3;
-        let t7 = fma(self.c7, t6 * t6, t0 * t0);
+        let t5 = self.c2 * t4;
+        let t6 = self.c4 + t3;
+        let t7 = fma(self.c13, t6 * t6, t0 * t0);
         let A_Omega1_Omega1 = fma(t7, self.c1, fma(t4, t5, self.I1));
-        let t8 = self.c13 + t1;
+        let t8 = self.c0 + t1;
         let t9 = self.c1 * t0 * t8;
         let t10 = t8 * t8;
         let A_Omega2_Omega2 = fma(t10, self.c1, fma(t4, t5, self.I2));
@@ -460,127 +466,135 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
         let t4 = self.c1 * fma(-Omega1, t0, Omega2 * t1);
-        let t5 = self.c0 * t0;
-        let t6 = self.c36 * t1;
+        let t5 = self.c10 * t0;
+        let t6 = self.c38 * t1;
         let t7 = fma(-Omega3, t3, Omega2 * t2);
-        let t8 = fma(self.c4, fma(t3, R::ratio(2.0, 5.0), t2), self.c38);
+        let t8 = fma(self.c11, fma(t3, R::ratio(2.0, 5.0), t2), self.c40);
         [
-            fma(-t0, t4, fma(fma(t3, R::from_f64(2.5), t2), self.c35 * fma(beta_dot, R::from_f64(0.5), Omega1), fma(-Omega2, t5, fma(Omega1, self.c34, self.c3 * beta_dot)))),
-            fma(fma(t7, self.c37, Omega2), self.c35 * t2, fma(t1, t4, fma(-Omega3, t8, fma(-Omega1, t5, fma(Omega2, t6, self.c39 * Omega2))))),
-            fma(fma(-t7, self.lb, Omega3), self.c31 * t3, fma(-Omega2, t8, fma(t6, fma(alpha_dot, R::from_f64(0.5), Omega3), fma(Omega3, self.c40, self.c1 * alpha_dot)))),
+            fma(-t0, t4, fma(fma(t3, R::from_f64(2.5), t2), self.c37 * fma(beta_dot, R::from_f64(0.5), Omega1), fma(-Omega2, t5, fma(Omega1, self.c36, self.c2 * beta_dot)))),
+            fma(fma(t7, self.c39, Omega2), self.c37 * t2, fma(t1, t4, fma(-Omega3, t8, fma(-Omega1, t5, fma(Omega2, t6, self.c41 * Omega2))))),
+            fma(fma(-t7, self.lb, Omega3), self.c43 * t3, fma(-Omega2, t8, fma(t6, fma(alpha_dot, R::from_f64(0.5), Omega3), fma(Omega3, self.c42, self.c1 * alpha_dot)))),
         ]
     }
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
-    /// Operations: 95 additions, 139 multiplications (81 fused), 4 divisions, 61 sign changes, 2 elementary functions.
+    /// Operations: 100 additions, 150 multiplications (86 fused), 4 divisions, 61 sign changes, 2 elementary functions.
     #[must_use]
     pub fn pivots(&self, t: R, y: &[R; 7]) -> [::hamel_runtime::Pivot<R>; 4] {
         let [alpha, beta, _, _, _, _, _] = *y;
         let _ = t;
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-        let A_alpha_dot_Omega3 = fma(t1, self.c0, self.c1);
-        let A_beta_dot_Omega1 = fma(t3, self.c4, fma(t2, self.c2, self.c3));
-        let t4 = self.c3 * t2;
-        let t5 = self.c2 + t4;
-        let t6 = self.c5 * t5;
-        let t7 = t5 * t6;
-        let t8 = t0 * t0;
-        let t9 = self.c6 + t3;
-        let t10 = t9 * t9;
-        let t11 = fma(t10, self.c7, t8);
-        let A_Omega1_Omega1 = fma(t11, self.c1, self.I1) + t7;
-        let t12 = self.c1 * t1;
-        let t13 = self.c0 + t12;
-        let t14 = t0 * t13;
-        let t15 = self.c8 * t13;
-        let t16 = t13 * t15;
-        let A_Omega2_Omega2 = self.I2 + t7 + t16;
-        let t17 = t5 * t9;
-        let A_Omega3_Omega3 = fma(t11, self.c1, self.I3) + t16;
+        let t4 = t0 * t0;
+        let t5 = self.c0 + t1;
+        let t6 = t1 * t5;
+        let A_alpha_dot_Omega3 = self.c1 * (t4 + t6);
+        let t7 = self.c2 * t2;
+        let t8 = self.c3 + t7;
+        let t9 = t8 * t8;
+        let t10 = self.c4 + t3;
+        let t11 = t10 * t10;
+        let t12 = fma(t11, self.c5, t9);
+        let A_Omega1_Omega1 = fma(t12, self.c6, fma(t4, self.c1, self.I1));
+        let t13 = self.c1 * t0;
+        let t14 = t5 * t13;
+        let t15 = self.c1 * t5;
+        let t16 = t5 * t15;
+        let A_Omega2_Omega2 = fma(t9, self.c6, self.I2 + t16);
+        let t17 = t8 * t10;
+        let t18 = t5 * t5;
+        let t19 = t4 + t18;
+        let A_Omega3_Omega3 = fma(t19, self.c1, fma(t11, self.c2, self.I3));
         // factors of A
-        let t18 = A_Omega1_Omega1.recip();
-        let t19 = t14 * t18;
-        let A_l2_3 = A_beta_dot_Omega1 * t18;
-        let t20 = t14 * t19;
-        let A_s3_4_4 = A_Omega2_Omega2 - t20;
-        let t21 = A_beta_dot_Omega1 * A_l2_3;
-        let A_s3_2_2 = self.c3 - t21;
-        let t22 = A_s3_4_4.recip();
-        let t23 = t17 * t22;
-        let t24 = A_beta_dot_Omega1 * t19;
-        let A_l2_4 = t24 * t22;
-        let t25 = t17 * t23;
-        let A_s4_5_5 = A_Omega3_Omega3 - t25;
-        let t26 = t24 * A_l2_4;
-        let A_s4_2_2 = A_s3_2_2 - t26;
-        let t27 = A_s4_5_5.recip();
-        let A_l1_5 = A_alpha_dot_Omega3 * t27;
-        let t28 = t23 * t24;
-        let A_l2_5 = t28 * t27;
-        let t29 = A_alpha_dot_Omega3 * A_l1_5;
-        let A_s5_1_1 = self.c1 - t29;
-        let t30 = t28 * A_l2_5;
-        let A_s5_2_2 = A_s4_2_2 - t30;
-        let t31 = A_l1_5 * t28;
-        let t32 = A_s5_1_1.recip();
-        let t33 = t31 * t32;
-        let t34 = t31 * t33;
-        let A_s1_2_2 = A_s5_2_2 - t34;
-        let t35 = fma(R::from_f64(10.0), t4.abs(), self.c21);
-        let t36 = t6.abs();
-        let t37 = fma(t36, R::from_f64(8.0), self.c5 * t35);
-        let t38 = t5.abs();
-        let t39 = fma(R::from_f64(10.0), t12.abs(), self.c22);
-        let t40 = t15.abs();
-        let t41 = fma(t40, R::from_f64(8.0), self.c8 * t39);
-        let t42 = t13.abs();
-        let t43 = fma(R::from_f64(8.0), t14.abs(), t39 * t0.abs());
-        let A_l4_3 = -t19;
-        let t44 = A_l4_3.abs();
-        let t45 = fma(R::from_f64(10.0), t3.abs(), self.c23);
-        let t46 = fma(R::from_f64(2.0) * t45, (self.c7 * t9).abs(), fma(t10, self.c24, R::from_f64(10.0) * t8));
-        let t47 = fma(t46, self.c1, fma(t37, t38, fma(t35, t36, fma(t7, R::from_f64(11.0), fma(t11, self.c25, self.c26)))));
-        let t48 = t18 * t18;
-        let t49 = fma(t47, (-(t14 * t48)).abs(), fma(t44, R::from_f64(8.0), t43 * t18));
+        let t20 = A_Omega1_Omega1.recip();
+        let t21 = t14 * t20;
+        let t22 = t2 * t8;
+        let t23 = self.c2 * t10;
+        let t24 = t3 * t23;
+        let t25 = t22 + t24;
+        let A_l2_3 = t25 * t20;
+        let t26 = t14 * t21;
+        let A_s3_4_4 = A_Omega2_Omega2 - t26;
+        let t27 = t25 * A_l2_3;
+        let A_s3_2_2 = self.c2 - t27;
+        let t28 = A_s3_4_4.recip();
+        let t29 = t17 * t28;
+        let t30 = t21 * t25;
+        let A_l2_4 = t30 * t28;
+        let t31 = t17 * t29;
+        let A_s4_5_5 = A_Omega3_Omega3 - t31;
+        let t32 = t30 * A_l2_4;
+        let A_s4_2_2 = A_s3_2_2 - t32;
+        let t33 = A_s4_5_5.recip();
+        let A_l1_5 = A_alpha_dot_Omega3 * t33;
+        let t34 = t29 * t30;
+        let A_l2_5 = t34 * t33;
+        let t35 = A_alpha_dot_Omega3 * A_l1_5;
+        let A_s5_1_1 = self.c1 - t35;
+        let t36 = t34 * A_l2_5;
+        let A_s5_2_2 = A_s4_2_2 - t36;
+        let t37 = A_l1_5 * t34;
+        let t38 = A_s5_1_1.recip();
+        let t39 = t37 * t38;
+        let t40 = t37 * t39;
+        let A_s1_2_2 = A_s5_2_2 - t40;
+        let t41 = t1.abs();
+        let t42 = fma(t41, R::from_f64(10.0), self.c21);
+        let t43 = t15.abs();
+        let t44 = t5.abs();
+        let t45 = fma(R::from_f64(10.0), t7.abs(), self.c22);
+        let t46 = t8.abs();
+        let t47 = t45 * t46;
+        let t48 = fma(R::from_f64(8.0), t14.abs(), t42 * t13.abs());
+        let A_l4_3 = -t21;
+        let t49 = A_l4_3.abs();
+        let t50 = t3.abs();
+        let t51 = fma(t50, R::from_f64(10.0), self.c23);
+        let t52 = t10.abs();
+        let t53 = fma(t51, t52, R::from_f64(4.0) * t11);
+        let t54 = fma(self.c6, fma(t47, R::from_f64(2.0), fma(t53, self.c25, fma(t9, R::from_f64(2.0), fma(t9, R::from_f64(8.0), self.c24 * t11)))), fma(t12, self.c28, fma(t4, self.c26, self.c27)));
+        let t55 = t20 * t20;
+        let t56 = fma(t54, (-(t14 * t55)).abs(), fma(t49, R::from_f64(8.0), t48 * t20));
         let A_Omega1_Omega2 = -t14;
-        let t50 = fma(t39, t40, fma(t35, t36, fma(t20, R::from_f64(10.0), fma(A_Omega2_Omega2, R::from_f64(2.0), fma(t16, R::from_f64(11.0), fma(t7, R::from_f64(11.0), self.c27))))));
-        let t51 = fma(t49, A_Omega1_Omega2.abs(), fma(t43, t44, fma(t41, t42, fma(t37, t38, t50))));
-        let t52 = fma(R::from_f64(8.0), t17.abs(), fma(t45, t38, t35 * t9.abs()));
-        let A_l5_4 = -t23;
-        let t53 = A_l5_4.abs();
-        let t54 = t22.abs();
-        let t55 = t22 * t22;
-        let t56 = fma(t51, (-(t17 * t55)).abs(), fma(t53, R::from_f64(8.0), t52 * t54));
+        let t57 = fma(t44, fma(t43, R::from_f64(8.0), self.c1 * t42), fma(t42, t43, fma(t26, R::from_f64(10.0), fma(A_Omega2_Omega2, R::from_f64(2.0), fma(t9, self.c28, fma(t16, R::from_f64(11.0), self.c29))))));
+        let t58 = fma(t56, A_Omega1_Omega2.abs(), fma(t48, t49, fma(self.c30, fma(t9, R::from_f64(4.0), t47), t57)));
+        let t59 = R::from_f64(10.0) * t4;
+        let t60 = fma(R::from_f64(8.0), t17.abs(), fma(t46, t51, t45 * t52));
+        let A_l5_4 = -t29;
+        let t61 = A_l5_4.abs();
+        let t62 = t28.abs();
+        let t63 = t28 * t28;
+        let t64 = fma(t58, (-(t17 * t63)).abs(), fma(t61, R::from_f64(8.0), t60 * t62));
         let A_Omega2_Omega3 = -t17;
-        let t57 = fma(t52, t53, fma(t41, t42, fma(t46, self.c1, fma(t39, t40, fma(A_Omega3_Omega3, R::from_f64(2.0), fma(t16, R::from_f64(11.0), fma(t11, self.c25, self.c28)))))));
-        let t58 = fma(t56, A_Omega2_Omega3.abs(), fma(R::from_f64(10.0), t25.abs(), t57));
-        let t59 = fma(R::from_f64(6.0), (self.c29 * t1).abs(), self.c30);
-        let t60 = A_l1_5.abs();
-        let t61 = t27.abs();
-        let t62 = t27 * t27;
-        let t63 = fma(t58, (A_alpha_dot_Omega3 * t62).abs(), fma(t60, R::from_f64(8.0), t59 * t61));
-        let t64 = fma(t63, A_alpha_dot_Omega3.abs(), fma(R::from_f64(10.0), t29.abs(), fma(t59, t60, self.c30)));
-        let t65 = fma(R::from_f64(5.5), (self.c31 * t3).abs(), fma(R::ratio(11.0, 5.0), (self.c31 * t2).abs(), self.c32));
-        let t66 = A_l2_3.abs();
-        let t67 = A_beta_dot_Omega1.abs();
-        let t68 = (-t24).abs();
-        let t69 = fma(t49, t67, fma(t68, R::from_f64(8.0), t65 * t44));
-        let t70 = t28.abs();
-        let t71 = fma(t56, t68, fma(t70, R::from_f64(8.0), t69 * t53));
-        let t72 = A_l2_5.abs();
-        let t73 = t31.abs();
-        let t74 = fma(t63, t70, fma(t73, R::from_f64(8.0), t71 * t60));
-        let A_l2_1 = -t33;
-        let t75 = fma(R::from_f64(2.0), A_s3_2_2.abs(), fma(t67, fma(t47, (A_beta_dot_Omega1 * t48).abs(), fma(t66, R::from_f64(8.0), t65 * t18)), fma(t65, t66, fma(t21, R::from_f64(10.0), self.c33))));
-        let t76 = fma(t68, fma(t51, (-(t24 * t55)).abs(), fma(R::from_f64(8.0), (-A_l2_4).abs(), t54 * t69)), fma(R::from_f64(2.0), A_s4_2_2.abs(), fma(R::from_f64(10.0), (-t26).abs(), fma(t69, A_l2_4.abs(), t75))));
-        let t77 = fma(R::from_f64(2.0), A_s5_2_2.abs(), fma(t70, fma(t58, (t28 * t62).abs(), fma(t72, R::from_f64(8.0), t61 * t71)), fma(R::from_f64(10.0), t30.abs(), fma(t71, t72, t76))));
+        let t65 = fma(self.c1, fma(t42, R::from_f64(2.0) * t44, fma(t18, R::from_f64(10.0), t59)), fma(t53, self.c33, fma(A_Omega3_Omega3, R::from_f64(2.0), fma(t19, self.c26, fma(t11, self.c31, self.c32)))));
+        let t66 = fma(t64, A_Omega2_Omega3.abs(), fma(R::from_f64(10.0), t31.abs(), fma(t60, t61, t65)));
+        let t67 = A_alpha_dot_Omega3.abs();
+        let t68 = fma(t67, R::from_f64(8.0), self.c1 * fma(R::from_f64(10.0), t6.abs(), fma(t41, t42, t59)));
+        let t69 = A_l1_5.abs();
+        let t70 = t33.abs();
+        let t71 = t33 * t33;
+        let t72 = fma(t66, (A_alpha_dot_Omega3 * t71).abs(), fma(t69, R::from_f64(8.0), t68 * t70));
+        let t73 = fma(t72, t67, fma(R::from_f64(10.0), t35.abs(), fma(t68, t69, self.c34)));
+        let t74 = fma(R::from_f64(10.0), t24.abs(), fma(t50, fma(R::from_f64(8.0), t23.abs(), self.c2 * t51), fma(R::from_f64(10.0), t22.abs(), t45 * t2.abs())));
+        let t75 = A_l2_3.abs();
+        let t76 = t25.abs();
+        let t77 = (-t30).abs();
+        let t78 = fma(t56, t76, fma(t77, R::from_f64(8.0), t74 * t49));
+        let t79 = t34.abs();
+        let t80 = fma(t64, t77, fma(t79, R::from_f64(8.0), t78 * t61));
+        let t81 = A_l2_5.abs();
+        let t82 = t37.abs();
+        let t83 = fma(t72, t79, fma(t82, R::from_f64(8.0), t80 * t69));
+        let A_l2_1 = -t39;
+        let t84 = fma(R::from_f64(2.0), A_s3_2_2.abs(), fma(t76, fma(t54, (t25 * t55).abs(), fma(t75, R::from_f64(8.0), t74 * t20)), fma(t74, t75, fma(t27, R::from_f64(10.0), self.c35))));
+        let t85 = fma(t77, fma(t58, (-(t30 * t63)).abs(), fma(R::from_f64(8.0), (-A_l2_4).abs(), t62 * t78)), fma(R::from_f64(2.0), A_s4_2_2.abs(), fma(R::from_f64(10.0), (-t32).abs(), fma(t78, A_l2_4.abs(), t84))));
+        let t86 = fma(R::from_f64(2.0), A_s5_2_2.abs(), fma(t79, fma(t66, (t34 * t71).abs(), fma(t81, R::from_f64(8.0), t70 * t80)), fma(R::from_f64(10.0), t36.abs(), fma(t80, t81, t85))));
         [
-            ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4, t51),
-            ::hamel_runtime::Pivot::new("inertia along Omega3", A_s4_5_5, t58),
-            ::hamel_runtime::Pivot::new("inertia along alpha_dot", A_s5_1_1, t64),
-            ::hamel_runtime::Pivot::new("inertia along beta_dot", A_s1_2_2, fma(t73, fma(t64, (t31 * (t32 * t32)).abs(), fma(R::from_f64(8.0), t33.abs(), t74 * t32.abs())), fma(R::from_f64(10.0), (-t34).abs(), fma(t74, A_l2_1.abs(), t77)))),
+            ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4, t58),
+            ::hamel_runtime::Pivot::new("inertia along Omega3", A_s4_5_5, t66),
+            ::hamel_runtime::Pivot::new("inertia along alpha_dot", A_s5_1_1, t73),
+            ::hamel_runtime::Pivot::new("inertia along beta_dot", A_s1_2_2, fma(t82, fma(t73, (t37 * (t38 * t38)).abs(), fma(R::from_f64(8.0), t39.abs(), t83 * t38.abs())), fma(R::from_f64(10.0), (-t40).abs(), fma(t83, A_l2_1.abs(), t86)))),
         ]
     }
 
@@ -600,7 +614,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 ::hamel_runtime::over_scalar!(Prepared[7] {
     I1, I2, I3, lb, ka, kb, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17,
     c18, c19, c20, c21, c22, c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36, c37, c38,
-    c39, c40, c41, c42, c43, c44, c45,
+    c39, c40, c41, c42, c43, c44, c45, c46, c47, c48, c49,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
@@ -624,7 +638,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
-        ::hamel_runtime::Convolutions<R, 4>,
+        ::hamel_runtime::Convolutions<R, 6>,
     );
     fn workspace(&self) -> Self::Workspace {
         (
@@ -640,7 +654,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
 
     /// Writes the Taylor coefficients of the solution, at order zero by the equations and then by their recurrence.
     ///
-    /// Operations at each order k: 256 additions, 221 multiplications (190 fused), 8 sign changes, and 100 sums of k - 1 products.
+    /// Operations at each order k: 260 additions, 223 multiplications (192 fused), 8 sign changes, and 102 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -658,111 +672,113 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             kept27, kept28, kept29, kept30, kept31, kept32, kept33, kept34, kept35, kept36, kept37, kept38, kept39,
             kept40, kept41, kept42, kept43, kept44, kept45, kept46, kept47, kept48, kept49, kept50, kept51, kept52,
             kept53, kept54, kept55, kept56, kept57, kept58, kept59, kept60, kept61, kept62, kept63, kept64, kept65,
-            kept66, kept67, kept68, kept69, kept70, kept71, kept72, kept73,
+            kept66, kept67, kept68, kept69, kept70, kept71, kept72, kept73, kept74,
         ]) = {
             let [alpha, beta, alpha_dot, beta_dot, Pi1, Pi2, Pi3] = *y;
             let _ = t;
             // mass matrix A = W^T L_yy Psi
             let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-            let A_alpha_dot_Omega3 = fma(t1, self.c0, self.c1);
-            let A_beta_dot_Omega1 = fma(t3, self.c4, fma(t2, self.c2, self.c3));
-            let t4 = fma(t2, self.c3, self.c2);
-            let t5 = self.c5 * t4;
-            let t6 = self.c6 + t3;
-            let t7 = fma(self.c7, t6 * t6, t0 * t0);
-            let A_Omega1_Omega1 = fma(t7, self.c41, fma(t4, t5, self.I1));
-            let t8 = fma(t1, self.c1, self.c0);
-            let t9 = t0 * t8;
-            let t10 = self.c8 * t8;
-            let A_Omega2_Omega2 = fma(t8, t10, fma(t4, t5, self.I2));
-            let t11 = t4 * t6;
-            let A_Omega3_Omega3 = fma(t7, self.c1, fma(t8, t10, self.I3));
+            let t4 = t0 * t0;
+            let t5 = self.c0 + t1;
+            let A_alpha_dot_Omega3 = self.c1 * fma(t1, t5, t4);
+            let t6 = fma(t2, self.c2, self.c3);
+            let t7 = t6 * t6;
+            let t8 = self.c4 + t3;
+            let t9 = t8 * t8;
+            let A_Omega1_Omega1 = fma(self.c6, fma(t9, self.c5, t7), fma(t4, self.c1, self.I1));
+            let t10 = self.c1 * t0;
+            let t11 = t5 * t10;
+            let t12 = self.c1 * t5;
+            let A_Omega2_Omega2 = fma(t7, self.c44, fma(t5, t12, self.I2));
+            let t13 = t6 * t8;
+            let A_Omega3_Omega3 = fma(t9, self.c45, fma(self.c1, fma(t5, t5, t4), self.I3));
             // factors of A
-            let t12 = A_Omega1_Omega1.recip();
-            let t13 = t9 * t12;
-            let A_l2_3 = A_beta_dot_Omega1 * t12;
-            let A_s3_4_4 = fma(-t9, t13, A_Omega2_Omega2);
-            let A_s3_2_2 = fma(-A_beta_dot_Omega1, A_l2_3, self.c42);
-            let t14 = A_s3_4_4.recip();
+            let t14 = A_Omega1_Omega1.recip();
             let t15 = t11 * t14;
-            let t16 = A_beta_dot_Omega1 * t13;
-            let A_l2_4 = t16 * t14;
-            let A_s4_5_5 = fma(-t11, t15, A_Omega3_Omega3);
-            let A_s4_2_2 = fma(-t16, A_l2_4, A_s3_2_2);
-            let t17 = A_s4_5_5.recip();
-            let A_l1_5 = A_alpha_dot_Omega3 * t17;
-            let t18 = t15 * t16;
-            let A_l2_5 = t18 * t17;
-            let A_s5_1_1 = fma(-A_alpha_dot_Omega3, A_l1_5, self.c43);
-            let A_s5_2_2 = fma(-t18, A_l2_5, A_s4_2_2);
-            let t19 = A_l1_5 * t18;
-            let t20 = A_s5_1_1.recip();
-            let t21 = t19 * t20;
-            let A_s1_2_2 = fma(-t19, t21, A_s5_2_2);
+            let t16 = self.c2 * t8;
+            let t17 = fma(t3, t16, t2 * t6);
+            let A_l2_3 = t17 * t14;
+            let A_s3_4_4 = fma(-t11, t15, A_Omega2_Omega2);
+            let A_s3_2_2 = fma(-t17, A_l2_3, self.c2);
+            let t18 = A_s3_4_4.recip();
+            let t19 = t13 * t18;
+            let t20 = t15 * t17;
+            let A_l2_4 = t20 * t18;
+            let A_s4_5_5 = fma(-t13, t19, A_Omega3_Omega3);
+            let A_s4_2_2 = fma(-t20, A_l2_4, A_s3_2_2);
+            let t21 = A_s4_5_5.recip();
+            let A_l1_5 = A_alpha_dot_Omega3 * t21;
+            let t22 = t19 * t20;
+            let A_l2_5 = t22 * t21;
+            let A_s5_1_1 = fma(-A_alpha_dot_Omega3, A_l1_5, self.c46);
+            let A_s5_2_2 = fma(-t22, A_l2_5, A_s4_2_2);
+            let t23 = A_l1_5 * t22;
+            let t24 = A_s5_1_1.recip();
+            let t25 = t23 * t24;
+            let A_s1_2_2 = fma(-t23, t25, A_s5_2_2);
             // velocities of the momenta pi = W^T dL/dy
-            let q_Omega1 = fma(-beta_dot, A_beta_dot_Omega1, Pi1);
+            let q_Omega1 = fma(-beta_dot, t17, Pi1);
             let q_Omega3 = fma(-alpha_dot, A_alpha_dot_Omega3, Pi3);
-            let c_Omega2 = fma(t13, q_Omega1, Pi2);
-            let c_Omega3 = fma(t15, c_Omega2, q_Omega3);
-            let Omega3 = c_Omega3 * t17;
-            let t22 = c_Omega2 * t14;
-            let Omega2 = fma(t15, Omega3, t22);
-            let t23 = q_Omega1 * t12;
-            let Omega1 = fma(t13, Omega2, t23);
+            let c_Omega2 = fma(t15, q_Omega1, Pi2);
+            let c_Omega3 = fma(t19, c_Omega2, q_Omega3);
+            let Omega3 = c_Omega3 * t21;
+            let t26 = c_Omega2 * t18;
+            let Omega2 = fma(t19, Omega3, t26);
+            let t27 = q_Omega1 * t14;
+            let Omega1 = fma(t15, Omega2, t27);
             // velocities v in squares m/2 |v|^2
-            let t24 = alpha_dot + Omega3;
-            let t25 = self.c44 * t0;
-            let v1_1_scaled = t24 * t25;
-            let t26 = self.c1 * alpha_dot;
-            let v1_2_scaled = fma(t8, Omega3, t1 * t26);
-            let v1_3_scaled = fma(Omega1, t25, -(t8 * Omega2));
-            let v2_1_over_10_lb = fma(t5, Omega2, -(t6 * Omega3));
-            let t27 = beta_dot * t2;
-            let v2_2_over_10_lb = fma(t5, Omega1, t27);
-            let t28 = beta_dot * t3;
-            let v2_3_over_10_lb = fma(t6, Omega1, t28);
+            let t28 = alpha_dot + Omega3;
+            let v1_1_over_5_la = t0 * t28;
+            let t29 = alpha_dot * t1;
+            let v1_2_over_5_la = fma(t5, Omega3, t29);
+            let v1_3_over_5_la = fma(t0, Omega1, -(t5 * Omega2));
+            let t30 = self.c47 * t6;
+            let v2_1_over_10_lb = fma(Omega2, t30, -(t8 * Omega3));
+            let t31 = beta_dot * t2;
+            let v2_2_over_10_lb = fma(Omega1, t30, t31);
+            let t32 = beta_dot * t3;
+            let v2_3_over_10_lb = fma(t8, Omega1, t32);
             // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-            let t29 = t26 * t1;
-            let a1_1_scaled = fma(-Omega2, v1_3_scaled, fma(t24, t29, Omega3 * v1_2_scaled));
-            let t30 = t26 * t0;
-            let a1_2_scaled = fma(-Omega1, v1_3_scaled, fma(-t24, t30, -(Omega3 * v1_1_scaled)));
-            let t31 = fma(t1, Omega1, t0 * Omega2);
-            let a1_3_scaled = fma(t26, t31, fma(Omega1, v1_2_scaled, Omega2 * v1_1_scaled));
-            let t32 = fma(t3, Omega2, t2 * Omega3);
-            let a2_1_over_10_lb = fma(Omega2, v2_3_over_10_lb, fma(Omega3, v2_2_over_10_lb, beta_dot * t32));
-            let t33 = beta_dot + Omega1;
-            let a2_2_over_10_lb = fma(t28, t33, fma(Omega1, v2_3_over_10_lb, -(Omega3 * v2_1_over_10_lb)));
-            let a2_3_over_10_lb = fma(-t33, t27, fma(-Omega1, v2_2_over_10_lb, -(Omega2 * v2_1_over_10_lb)));
+            let a1_1_over_5_la = fma(-Omega2, v1_3_over_5_la, fma(t28, t29, Omega3 * v1_2_over_5_la));
+            let a1_2_over_5_la = fma(-Omega1, v1_3_over_5_la, fma(-Omega3, v1_1_over_5_la, -(alpha_dot * v1_1_over_5_la)));
+            let t33 = fma(t1, Omega1, t0 * Omega2);
+            let a1_3_over_5_la = fma(alpha_dot, t33, fma(Omega1, v1_2_over_5_la, Omega2 * v1_1_over_5_la));
+            let t34 = fma(t3, Omega2, t2 * Omega3);
+            let a2_1_over_10_lb = fma(Omega2, v2_3_over_10_lb, fma(Omega3, v2_2_over_10_lb, beta_dot * t34));
+            let t35 = beta_dot + Omega1;
+            let a2_2_over_10_lb = fma(t35, t32, fma(Omega1, v2_3_over_10_lb, -(Omega3 * v2_1_over_10_lb)));
+            let a2_3_over_10_lb = fma(-t35, t31, fma(-Omega1, v2_2_over_10_lb, -(Omega2 * v2_1_over_10_lb)));
             // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-            let t34 = t0 * a1_1_scaled;
-            let r_alpha_dot = fma(-t1, a1_2_scaled, fma(-alpha, self.ka, -t34));
-            let r_beta_dot = fma(-self.c45, fma(t3, a2_3_over_10_lb, t2 * a2_2_over_10_lb), -(self.kb * beta));
-            let t35 = self.c3 * t6;
-            let t36 = self.c9 * Omega3;
-            let r_Omega1 = fma(-t0, a1_3_scaled, fma(-a2_3_over_10_lb, t35, fma(-t4, a2_2_over_10_lb, t36 * Omega2)));
-            let t37 = self.c10 * Omega3;
-            let r_Omega2 = fma(-t4, a2_1_over_10_lb, fma(t10, a1_3_scaled, Omega1 * t37));
-            let t38 = self.c11 * Omega2;
-            let r_Omega3 = fma(-t10, a1_2_scaled, fma(a2_1_over_10_lb, t35, fma(Omega1, t38, -t34)));
+            let t36 = t10 * a1_1_over_5_la;
+            let t37 = self.c48 * t1;
+            let r_alpha_dot = fma(-a1_2_over_5_la, t37, fma(-alpha, self.ka, -t36));
+            let r_beta_dot = fma(-self.c49, fma(t3, a2_3_over_10_lb, t2 * a2_2_over_10_lb), -(self.kb * beta));
+            let t38 = self.c7 * Omega3;
+            let r_Omega1 = fma(-t10, a1_3_over_5_la, fma(-t16, a2_3_over_10_lb, fma(-t6, a2_2_over_10_lb, t38 * Omega2)));
+            let t39 = self.c8 * Omega3;
+            let r_Omega2 = fma(-t6, a2_1_over_10_lb, fma(t12, a1_3_over_5_la, Omega1 * t39));
+            let t40 = self.c9 * Omega2;
+            let r_Omega3 = fma(-t12, a1_2_over_5_la, fma(t16, a2_1_over_10_lb, fma(Omega1, t40, -t36)));
             // substitution through the factors of A
-            let z_Omega2 = fma(t13, r_Omega1, r_Omega2);
-            let z_Omega3 = fma(t15, z_Omega2, r_Omega3);
+            let z_Omega2 = fma(t15, r_Omega1, r_Omega2);
+            let z_Omega3 = fma(t19, z_Omega2, r_Omega3);
             let z_alpha_dot = fma(-A_l1_5, z_Omega3, r_alpha_dot);
-            let z_beta_dot = fma(t21, z_alpha_dot, fma(-A_l2_5, z_Omega3, fma(-A_l2_4, z_Omega2, fma(-A_l2_3, r_Omega1, r_beta_dot))));
+            let z_beta_dot = fma(t25, z_alpha_dot, fma(-A_l2_5, z_Omega3, fma(-A_l2_4, z_Omega2, fma(-A_l2_3, r_Omega1, r_beta_dot))));
             let dot_beta_dot = z_beta_dot / A_s1_2_2;
-            let t39 = z_alpha_dot * t20;
-            let dot_alpha_dot = fma(t21, dot_beta_dot, t39);
+            let t41 = z_alpha_dot * t24;
+            let dot_alpha_dot = fma(t25, dot_beta_dot, t41);
             // momentum equation
             let net_Omega1 = fma(-Pi3, Omega2, Pi2 * Omega3);
             let net_Omega2 = fma(Pi3, Omega1, -(Pi1 * Omega3));
             let net_Omega3 = fma(-Pi2, Omega1, Pi1 * Omega2);
             ([alpha_dot, beta_dot, dot_alpha_dot, dot_beta_dot, net_Omega1, net_Omega2, net_Omega3], [
-                t0, t1, t2, t3, t6 + t6, t0 + t0, t4, t5, t8, t10, t6, t12, t13, A_l2_3, t9, A_beta_dot_Omega1, t14, t15,
-                A_l2_4, t11, t16, t17, A_l1_5, A_l2_5, A_alpha_dot_Omega3, t18, t20, t21, t19, beta_dot, alpha_dot,
-                q_Omega1, c_Omega2, Omega3, t22, t23, Omega2, t24, t25, t26, Omega1, v1_2_scaled, t29, v1_3_scaled,
-                v1_1_scaled, t30, t31, t32, v2_2_over_10_lb, v2_3_over_10_lb, v2_1_over_10_lb, t28, t33, t27, a1_1_scaled,
-                a1_2_scaled, a2_2_over_10_lb, a2_3_over_10_lb, t36, t35, a1_3_scaled, t37, a2_1_over_10_lb, t38, r_Omega1,
-                z_Omega2, z_Omega3, z_alpha_dot, dot_beta_dot, A_s1_2_2.recip(), t39, Pi2, Pi3, Pi1,
+                t0, t1, t2, t3, t0 + t0, t5, t6 + t6, t8 + t8, t10, t12, t6, t8, t5 + t5, t14, t15, t16, A_l2_3, t11, t17,
+                t18, t19, A_l2_4, t13, t20, t21, A_l1_5, A_l2_5, A_alpha_dot_Omega3, t22, t24, t25, t23, beta_dot,
+                alpha_dot, q_Omega1, c_Omega2, Omega3, t26, t27, Omega2, t28, Omega1, t30, v1_2_over_5_la, t29,
+                v1_3_over_5_la, v1_1_over_5_la, t33, t34, v2_2_over_10_lb, v2_3_over_10_lb, v2_1_over_10_lb, t35, t32,
+                t31, a1_1_over_5_la, a1_2_over_5_la, t37, a2_2_over_10_lb, a2_3_over_10_lb, t38, a1_3_over_5_la, t39,
+                a2_1_over_10_lb, t40, r_Omega1, z_Omega2, z_Omega3, z_alpha_dot, dot_beta_dot, A_s1_2_2.recip(), t41, Pi2,
+                Pi3, Pi1,
             ])
         };
         workspace.0.clear();
@@ -802,123 +818,121 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 sum80, sum81, sum82, sum83, sum84, sum85, sum86, sum87, sum88, sum89, sum90, sum91, sum92, sum93, sum94,
                 sum95,
             ] = workspace.5.sums();
-            let [sum96, sum97, sum98, sum99] = workspace.6.sums();
+            let [sum96, sum97, sum98, sum99, sum100, sum101] = workspace.6.sums();
             // mass matrix A = W^T L_yy Psi
             let t0 = fma(kept1, alpha, inverse * sum0);
             let t1 = -fma(kept0, alpha, inverse * sum1);
             let t2 = fma(kept3, beta, inverse * sum2);
             let t3 = -fma(kept2, beta, inverse * sum3);
-            let t4 = self.c0 * t1;
-            let t5 = fma(self.c2, t2, self.c4 * t3);
-            let t6 = self.c3 * t2;
-            let t7 = self.c5 * t6;
-            let t8 = fma(self.c7, fma(kept4, t3, sum4), fma(kept5, t0, sum5));
-            let t9 = fma(kept6, t7, fma(kept7, t6, sum6));
-            let t10 = fma(self.c41, t8, t9);
-            let t11 = self.c1 * t1;
-            let t12 = fma(kept0, t11, fma(kept8, t0, sum7));
-            let t13 = self.c8 * t11;
-            let t14 = fma(kept8, t13, fma(kept9, t11, sum8));
-            let t15 = fma(kept6, t3, fma(kept10, t6, sum9));
+            let t4 = fma(kept4, t0, sum4);
+            let t5 = self.c1 * (fma(kept1, t1, fma(kept5, t1, sum5)) + t4);
+            let t6 = self.c2 * t2;
+            let t7 = fma(kept6, t6, sum6);
+            let t8 = fma(kept7, t3, sum7);
+            let t9 = fma(self.c1, t4, self.c6 * fma(self.c5, t8, t7));
+            let t10 = self.c1 * t0;
+            let t11 = fma(kept5, t10, fma(kept8, t1, sum8));
+            let t12 = self.c1 * t1;
+            let t13 = fma(kept10, t3, fma(kept11, t6, sum10));
             // factors of A
-            let t16 = kept11 * fma(-kept12, t10, t12 - sum10);
-            let t17 = kept11 * fma(-kept13, t10, t5 - sum11);
-            let t18 = t14 + t9 - fma(kept14, t16, fma(kept12, t12, sum12));
-            let t19 = kept16 * fma(-kept17, t18, t15 - sum14);
-            let t20 = fma(kept15, t16, fma(kept12, t5, sum15));
-            let t21 = kept16 * fma(-kept18, t18, t20 - sum16);
-            let t22 = fma(self.c1, t8, t14) - fma(kept19, t19, fma(kept17, t15, sum17));
-            let t23 = kept21 * fma(-kept22, t22, t4 - sum19);
-            let t24 = fma(kept17, t20, fma(kept20, t19, sum20));
-            let t25 = kept21 * fma(-kept23, t22, t24 - sum21);
-            let t26 = -fma(kept24, t23, fma(kept22, t4, sum22));
-            let t27 = fma(kept22, t24, fma(kept25, t23, sum24));
-            let t28 = kept26 * fma(-kept27, t26, t27 - sum25);
-            let t29 = -fma(kept15, t17, fma(kept13, t5, sum13)) - fma(kept20, t21, fma(kept18, t20, sum18)) - fma(kept25, t25, fma(kept23, t24, sum23)) - fma(kept28, t28, fma(kept27, t27, sum26));
+            let t14 = kept13 * fma(-kept14, t9, t11 - sum11);
+            let t15 = self.c2 * t3;
+            let t16 = fma(kept3, t15, fma(kept15, t3, sum13)) + fma(kept2, t6, fma(kept10, t2, sum12));
+            let t17 = kept13 * fma(-kept16, t9, t16 - sum14);
+            let t18 = fma(self.c44, t7, fma(kept5, t12, fma(kept9, t1, sum9))) - fma(kept17, t14, fma(kept14, t11, sum15));
+            let t19 = kept19 * fma(-kept20, t18, t13 - sum17);
+            let t20 = fma(kept14, t16, fma(kept18, t14, sum18));
+            let t21 = kept19 * fma(-kept21, t18, t20 - sum19);
+            let t22 = fma(self.c1, fma(kept12, t1, sum5) + t4, self.c45 * t8) - fma(kept22, t19, fma(kept20, t13, sum20));
+            let t23 = kept24 * fma(-kept25, t22, t5 - sum22);
+            let t24 = fma(kept20, t20, fma(kept23, t19, sum23));
+            let t25 = kept24 * fma(-kept26, t22, t24 - sum24);
+            let t26 = -fma(kept27, t23, fma(kept25, t5, sum25));
+            let t27 = fma(kept25, t24, fma(kept28, t23, sum27));
+            let t28 = kept29 * fma(-kept30, t26, t27 - sum28);
+            let t29 = -fma(kept18, t17, fma(kept16, t16, sum16)) - fma(kept23, t21, fma(kept21, t20, sum21)) - fma(kept28, t25, fma(kept26, t24, sum26)) - fma(kept31, t28, fma(kept30, t27, sum29));
             // velocities of the momenta pi = W^T dL/dy
-            let t30 = Pi1 - fma(kept29, t5, fma(kept15, beta_dot, sum27));
-            let t31 = fma(kept12, t30, fma(kept31, t16, sum29)) + Pi2;
-            let t32 = kept21 * fma(-kept33, t22, fma(kept17, t31, fma(kept32, t19, sum30)) + (Pi3 - fma(kept30, t4, fma(kept24, alpha_dot, sum28))) - sum31);
-            let t33 = kept16 * fma(-kept34, t18, t31 - sum32);
-            let t34 = fma(kept17, t32, fma(kept33, t19, sum33)) + t33;
-            let t35 = kept11 * fma(-kept35, t10, t30 - sum34);
-            let t36 = fma(kept12, t34, fma(kept36, t16, sum35)) + t35;
+            let t30 = Pi1 - fma(kept32, t16, fma(kept18, beta_dot, sum30));
+            let t31 = fma(kept14, t30, fma(kept34, t14, sum32)) + Pi2;
+            let t32 = kept24 * fma(-kept36, t22, fma(kept20, t31, fma(kept35, t19, sum33)) + (Pi3 - fma(kept33, t5, fma(kept27, alpha_dot, sum31))) - sum34);
+            let t33 = kept19 * fma(-kept37, t18, t31 - sum35);
+            let t34 = fma(kept20, t32, fma(kept36, t19, sum36)) + t33;
+            let t35 = kept13 * fma(-kept38, t9, t30 - sum37);
+            let t36 = fma(kept14, t34, fma(kept39, t14, sum38)) + t35;
             // velocities v in squares m/2 |v|^2
             let t37 = alpha_dot + t32;
-            let t38 = self.c44 * t0;
-            let t39 = fma(kept37, t38, fma(kept38, t37, sum36));
-            let t40 = self.c1 * alpha_dot;
-            let t41 = fma(kept8, t32, fma(kept33, t11, sum38)) + fma(kept1, t40, fma(kept39, t1, sum37));
-            let t42 = fma(kept40, t38, fma(kept38, t36, sum40)) - fma(kept8, t34, fma(kept36, t11, sum39));
-            let t43 = fma(kept7, t34, fma(kept36, t7, sum42)) - fma(kept10, t32, fma(kept33, t3, sum41));
-            let t44 = fma(kept29, t2, fma(kept2, beta_dot, sum43));
-            let t45 = fma(kept7, t36, fma(kept40, t7, sum44)) + t44;
-            let t46 = fma(kept29, t3, fma(kept3, beta_dot, sum45));
-            let t47 = fma(kept10, t36, fma(kept40, t3, sum46)) + t46;
+            let t38 = fma(kept0, t37, fma(kept40, t0, sum39));
+            let t39 = fma(kept33, t1, fma(kept1, alpha_dot, sum40));
+            let t40 = fma(kept5, t32, fma(kept36, t1, sum41)) + t39;
+            let t41 = fma(kept0, t36, fma(kept41, t0, sum43)) - fma(kept5, t34, fma(kept39, t1, sum42));
+            let t42 = self.c47 * t6;
+            let t43 = fma(kept39, t42, fma(kept42, t34, sum45)) - fma(kept11, t32, fma(kept36, t3, sum44));
+            let t44 = fma(kept32, t2, fma(kept2, beta_dot, sum46));
+            let t45 = fma(kept41, t42, fma(kept42, t36, sum47)) + t44;
+            let t46 = fma(kept32, t3, fma(kept3, beta_dot, sum48));
+            let t47 = fma(kept11, t36, fma(kept41, t3, sum49)) + t46;
             // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-            let t48 = fma(kept39, t1, fma(kept1, t40, sum37));
-            let t49 = fma(kept37, t48, fma(kept42, t37, sum48)) + fma(kept33, t41, fma(kept41, t32, sum47)) - fma(kept36, t42, fma(kept43, t34, sum49));
-            let t50 = fma(kept39, t0, fma(kept0, t40, sum51));
-            let t51 = -(fma(kept37, t50, fma(kept45, t37, sum52)) + fma(kept33, t39, fma(kept44, t32, sum50))) - fma(kept40, t42, fma(kept43, t36, sum53));
-            let t52 = fma(kept1, t36, fma(kept40, t1, sum55)) + fma(kept0, t34, fma(kept36, t0, sum54));
-            let t53 = fma(kept39, t52, fma(kept46, t40, sum58)) + (fma(kept40, t41, fma(kept41, t36, sum57)) + fma(kept36, t39, fma(kept44, t34, sum56)));
-            let t54 = fma(kept3, t34, fma(kept36, t3, sum60)) + fma(kept2, t32, fma(kept33, t2, sum59));
-            let t55 = fma(kept36, t47, fma(kept49, t34, sum63)) + (fma(kept33, t45, fma(kept48, t32, sum62)) + fma(kept29, t54, fma(kept47, beta_dot, sum61)));
-            let t56 = beta_dot + t36;
-            let t57 = fma(kept51, t56, fma(kept52, t46, sum66)) + (fma(kept40, t47, fma(kept49, t36, sum65)) - fma(kept33, t43, fma(kept50, t32, sum64)));
-            let t58 = -(fma(kept40, t45, fma(kept48, t36, sum68)) + fma(kept36, t43, fma(kept50, t34, sum67))) - fma(kept52, t44, fma(kept53, t56, sum69));
+            let t48 = fma(kept40, t39, fma(kept44, t37, sum51)) + fma(kept36, t40, fma(kept43, t32, sum50)) - fma(kept39, t41, fma(kept45, t34, sum52));
+            let t49 = -(fma(kept36, t38, fma(kept46, t32, sum54)) + fma(kept33, t38, fma(kept46, alpha_dot, sum53))) - fma(kept41, t41, fma(kept45, t36, sum55));
+            let t50 = fma(kept1, t36, fma(kept41, t1, sum57)) + fma(kept0, t34, fma(kept39, t0, sum56));
+            let t51 = fma(kept33, t50, fma(kept47, alpha_dot, sum60)) + (fma(kept41, t40, fma(kept43, t36, sum59)) + fma(kept39, t38, fma(kept46, t34, sum58)));
+            let t52 = fma(kept3, t34, fma(kept39, t3, sum62)) + fma(kept2, t32, fma(kept36, t2, sum61));
+            let t53 = fma(kept39, t47, fma(kept50, t34, sum65)) + (fma(kept36, t45, fma(kept49, t32, sum64)) + fma(kept32, t52, fma(kept48, beta_dot, sum63)));
+            let t54 = beta_dot + t36;
+            let t55 = fma(kept52, t46, fma(kept53, t54, sum68)) + (fma(kept41, t47, fma(kept50, t36, sum67)) - fma(kept36, t43, fma(kept51, t32, sum66)));
+            let t56 = -(fma(kept41, t45, fma(kept49, t36, sum70)) + fma(kept39, t43, fma(kept51, t34, sum69))) - fma(kept52, t44, fma(kept54, t54, sum71));
             // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-            let t59 = fma(kept0, t49, fma(kept54, t0, sum70));
-            let t60 = self.c3 * t3;
-            let t61 = self.c9 * t32;
-            let t62 = fma(kept58, t34, fma(kept36, t61, sum74)) - fma(kept6, t57, fma(kept56, t6, sum75)) - fma(kept57, t60, fma(kept59, t58, sum76)) - fma(kept0, t53, fma(kept60, t0, sum77));
-            let t63 = self.c10 * t32;
-            let t64 = self.c11 * t34;
+            let t57 = fma(kept8, t48, fma(kept55, t10, sum72));
+            let t58 = self.c48 * t1;
+            let t59 = self.c7 * t32;
+            let t60 = fma(kept60, t34, fma(kept39, t59, sum76)) - fma(kept10, t55, fma(kept58, t6, sum77)) - fma(kept15, t56, fma(kept59, t15, sum78)) - fma(kept8, t51, fma(kept61, t10, sum79));
+            let t61 = self.c8 * t32;
+            let t62 = self.c9 * t34;
             // substitution through the factors of A
-            let t65 = fma(kept12, t62, fma(kept64, t16, sum84)) + (fma(kept9, t53, fma(kept60, t13, sum79)) + fma(kept40, t63, fma(kept61, t36, sum78)) - fma(kept6, t55, fma(kept62, t6, sum80)));
-            let t66 = fma(kept17, t65, fma(kept65, t19, sum85)) + (fma(kept62, t60, fma(kept59, t55, sum82)) + (fma(kept40, t64, fma(kept63, t36, sum81)) - t59) - fma(kept9, t51, fma(kept55, t13, sum83)));
-            let t67 = -fma(self.ka, alpha, t59) - fma(kept1, t51, fma(kept55, t1, sum71)) - fma(kept22, t66, fma(kept66, t23, sum86));
-            let t68 = -fma(self.kb, beta, self.c45 * (fma(kept3, t58, fma(kept57, t3, sum73)) + fma(kept2, t57, fma(kept56, t2, sum72)))) - fma(kept13, t62, fma(kept64, t17, sum87)) - fma(kept18, t65, fma(kept65, t21, sum88));
-            let t69 = kept69 * fma(-kept68, t29, fma(kept27, t67, fma(kept67, t28, sum90)) + (t68 - fma(kept23, t66, fma(kept66, t25, sum89))) - sum91);
-            let t70 = kept26 * fma(-kept70, t26, t67 - sum92);
-            let t71 = order * alpha;
-            let t72 = order * beta;
+            let t63 = fma(kept14, t60, fma(kept65, t14, sum86)) + (fma(kept9, t51, fma(kept61, t12, sum81)) + fma(kept41, t61, fma(kept62, t36, sum80)) - fma(kept10, t53, fma(kept63, t6, sum82)));
+            let t64 = fma(kept20, t63, fma(kept66, t19, sum87)) + (fma(kept15, t53, fma(kept63, t15, sum84)) + (fma(kept41, t62, fma(kept64, t36, sum83)) - t57) - fma(kept9, t49, fma(kept56, t12, sum85)));
+            let t65 = -fma(self.ka, alpha, t57) - fma(kept56, t58, fma(kept57, t49, sum73)) - fma(kept25, t64, fma(kept67, t23, sum88));
+            let t66 = -fma(self.kb, beta, self.c49 * (fma(kept3, t56, fma(kept59, t3, sum75)) + fma(kept2, t55, fma(kept58, t2, sum74)))) - fma(kept16, t60, fma(kept65, t17, sum89)) - fma(kept21, t63, fma(kept66, t21, sum90));
+            let t67 = kept70 * fma(-kept69, t29, fma(kept30, t65, fma(kept68, t28, sum92)) + (t66 - fma(kept26, t64, fma(kept67, t25, sum91))) - sum93);
+            let t68 = kept29 * fma(-kept71, t26, t65 - sum94);
+            let t69 = order * alpha;
+            let t70 = order * beta;
             workspace.0.push(
-                [t71, t71, t72, t72, t3, t0, t6, t0, t11, t3, t10, t10, t12, t5, t18, t5],
-                [t1, t0, t3, t2, t3, t0, t7, t11, t13, t6, t16, t17, t16, t17, t19, t16],
+                [t69, t69, t70, t70, t0, t1, t6, t3, t1, t1, t3, t9, t2, t3, t9, t11],
+                [t1, t0, t3, t2, t0, t1, t6, t3, t10, t12, t6, t14, t6, t15, t17, t14],
             );
             workspace.1.push(
-                [t18, t15, t20, t22, t19, t22, t4, t24, t23, t26, t27, t5, t4, t16, t19, t22],
-                [t21, t19, t21, t23, t20, t25, t23, t25, t24, t28, t28, beta_dot, alpha_dot, t30, t31, t32],
+                [t16, t18, t14, t18, t13, t20, t22, t19, t22, t5, t24, t23, t26, t27, t16, t5],
+                [t17, t19, t16, t21, t19, t21, t23, t20, t25, t23, t25, t24, t28, t28, beta_dot, alpha_dot],
             );
             workspace.2.push(
-                [t18, t19, t10, t16, t37, t1, t11, t11, t36, t3, t7, t2, t7, t3, t3, t32],
-                [t33, t32, t35, t34, t38, t40, t32, t34, t38, t32, t34, beta_dot, t36, beta_dot, t36, t41],
+                [t14, t19, t22, t18, t19, t9, t14, t0, t1, t1, t1, t0, t3, t34, t2, t36],
+                [t30, t31, t32, t33, t32, t35, t34, t37, alpha_dot, t32, t34, t36, t32, t42, beta_dot, t42],
             );
             workspace.3.push(
-                [t37, t34, t32, t0, t37, t36, t0, t1, t34, t36, t40, t2, t3, t54, t32, t34],
-                [t48, t42, t39, t40, t50, t42, t34, t36, t39, t41, t52, t32, t34, beta_dot, t45, t47],
+                [t3, t3, t32, t37, t34, t38, t32, t36, t0, t1, t34, t36, t50, t2, t3, t52],
+                [beta_dot, t36, t40, t39, t41, alpha_dot, t38, t41, t34, t36, t38, t40, alpha_dot, t32, t34, beta_dot],
             );
             workspace.4.push(
-                [t32, t36, t46, t34, t36, t44, t0, t1, t2, t3, t34, t6, t58, t0, t36, t13],
-                [t43, t47, t56, t43, t45, t56, t49, t51, t57, t58, t61, t57, t60, t53, t63, t53],
+                [t32, t34, t32, t36, t46, t34, t36, t44, t10, t49, t2, t3, t34, t6, t15, t10],
+                [t45, t47, t43, t47, t54, t43, t45, t54, t48, t58, t55, t56, t59, t55, t56, t51],
             );
             workspace.5.push(
-                [t6, t36, t55, t13, t16, t19, t23, t17, t21, t25, t28, t29, t26, t28, t32, t34],
-                [t55, t64, t60, t51, t62, t65, t66, t62, t65, t66, t67, t69, t70, t69, Pi2, Pi3],
+                [t36, t12, t6, t36, t15, t12, t14, t19, t23, t17, t21, t25, t28, t29, t26, t28],
+                [t61, t51, t53, t62, t53, t49, t60, t63, t64, t60, t63, t64, t65, t67, t68, t67],
             );
             workspace.6.push(
-                [t32, t36, t34, t36],
-                [Pi1, Pi3, Pi1, Pi2],
+                [t32, t34, t32, t36, t34, t36],
+                [Pi2, Pi3, Pi1, Pi3, Pi1, Pi2],
             );
             let derivative = [
                 alpha_dot,
                 beta_dot,
-                fma(kept27, t69, fma(kept68, t28, sum93)) + t70,
-                t69,
-                fma(kept71, t32, fma(kept33, Pi2, sum94)) - fma(kept72, t34, fma(kept36, Pi3, sum95)),
-                fma(kept72, t36, fma(kept40, Pi3, sum97)) - fma(kept73, t32, fma(kept33, Pi1, sum96)),
-                fma(kept73, t34, fma(kept36, Pi1, sum98)) - fma(kept71, t36, fma(kept40, Pi2, sum99)),
+                fma(kept30, t67, fma(kept69, t28, sum95)) + t68,
+                t67,
+                fma(kept72, t32, fma(kept36, Pi2, sum96)) - fma(kept73, t34, fma(kept39, Pi3, sum97)),
+                fma(kept73, t36, fma(kept41, Pi3, sum99)) - fma(kept74, t32, fma(kept36, Pi1, sum98)),
+                fma(kept74, t34, fma(kept39, Pi1, sum100)) - fma(kept72, t36, fma(kept41, Pi2, sum101)),
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

@@ -59,7 +59,7 @@ pub const INITIAL: [f64; 7] = [0.3, -0.4, 0.5, 0.2, 0.6, -0.8, 1.1];
 ///
 /// Held to its definition at 3 points: 4 functions.
 ///
-/// Function `rhs` has rounding errors of up to 7e4 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
+/// Function `rhs` has rounding errors of up to 4e4 times what rounding the inputs does with parameters moved by three decades; a scene that wants `digits` keeps them.
 ///
 /// # State
 ///
@@ -73,23 +73,23 @@ pub const INITIAL: [f64; 7] = [0.3, -0.4, 0.5, 0.2, 0.6, -0.8, 1.1];
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 pub struct Prepared<R = f64> {
-    c0: R, // (3/5) / la
-    c1: R, // mb * (lb * lb) / (ma * (la * la))
-    c2: R, // (1/5) * mb * lb / (ma * (la * la))
-    c3: R, // ma * (la * la) / (mb * (lb * lb))
-    c4: R, // 0.5 / lb
-    c5: R, // -(ka / (ma * (la * la)))
-    c6: R, // -(kb / (ma * (la * la)))
-    c7: R, // (I2 - I3) / (ma * (la * la))
-    c8: R, // (I3 - I1) / (ma * (la * la))
-    c9: R, // (I1 - I2) / (ma * (la * la))
-    c10: R, // (1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (ma * (la * la))
-    c11: R, // (2/5) * mb * lb / (ma * (la * la))
-    c12: R, // I2 / (ma * (la * la))
-    c13: R, // mb * lb / (ma * (la * la))
-    c14: R, // (1/100) * (100 * I3 + 36 * ma + 25 * mb) / (ma * (la * la))
-    c15: R, // (-9/25) / (la * la)
-    c16: R, // (1/5) / lb
+    c0: R, // ma * (la * la) / (mb * (lb * lb))
+    c1: R, // (3/5) * ma * la / (mb * (lb * lb))
+    c2: R, // (1/5) / lb
+    c3: R, // 0.5 / lb
+    c4: R, // -(ka / (mb * (lb * lb)))
+    c5: R, // -(kb / (mb * (lb * lb)))
+    c6: R, // (I2 - I3) / (mb * (lb * lb))
+    c7: R, // mb * (lb * lb) / (ma * (la * la))
+    c8: R, // (I3 - I1) / (mb * (lb * lb))
+    c9: R, // (I1 - I2) / (mb * (lb * lb))
+    c10: R, // (2/5) / lb
+    c11: R, // (1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))
+    c12: R, // I2 / (mb * (lb * lb))
+    c13: R, // (3/5) / la
+    c14: R, // 1 / lb
+    c15: R, // (1/100) * (100 * I3 + 36 * ma + 25 * mb) / (mb * (lb * lb))
+    c16: R, // (-9/25) * ma / (mb * (lb * lb))
     c17: R, // 0.5 * I1
     c18: R, // 0.5 * I2
     c19: R, // 0.5 * I3
@@ -97,26 +97,21 @@ pub struct Prepared<R = f64> {
     c21: R, // 0.5 * kb
     c22: R, // 0.5 * ma * (la * la)
     c23: R, // 0.5 * mb * (lb * lb)
-    c24: R, // 10 * mb * (lb * lb) / (ma * (la * la))
-    c25: R, // (11/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (ma * (la * la))
-    c26: R, // 6 / la
-    c27: R, // 2 * mb * lb / (ma * (la * la))
-    c28: R, // 11 * I2 / (ma * (la * la))
-    c29: R, // 5 / lb
-    c30: R, // 12 * mb * (lb * lb) / (ma * (la * la))
-    c31: R, // (3/25) * (100 * I3 + 36 * ma + 25 * mb) / (ma * (la * la))
-    c32: R, // (108/25) / (la * la)
-    c33: R, // mb * (lb * lb) / (ma * (la * la))
-    c34: R, // mb * (lb * lb) / (ma * (la * la))
-    c35: R, // ma * (la * la) / (mb * (lb * lb))
-    c36: R, // ma * (la * la) / (mb * (lb * lb))
+    c24: R, // (11/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))
+    c25: R, // 6 * ma * la / (mb * (lb * lb))
+    c26: R, // 2 / lb
+    c27: R, // 11 * I2 / (mb * (lb * lb))
+    c28: R, // 5 / lb
+    c29: R, // (3/25) * (100 * I3 + 36 * ma + 25 * mb) / (mb * (lb * lb))
+    c30: R, // (108/25) * ma / (mb * (lb * lb))
+    c31: R, // mb * (lb * lb) / (ma * (la * la))
 }
 
 #[allow(dead_code, unreachable_pub, non_snake_case, clippy::approx_constant, reason = "names and numbers of the model")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Checks the parameters and computes what depends on them alone.
     ///
-    /// Operations: 7 additions, 35 multiplications, 26 divisions, 2 sign changes.
+    /// Operations: 7 additions, 30 multiplications, 24 divisions, 2 sign changes.
     ///
     /// # Errors
     ///
@@ -124,14 +119,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         INFO.require_finite(&params.to_array())?;
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
-        let t0 = lb * lb;
-        let t1 = mb * t0;
-        let t2 = la * la;
-        let t3 = ma * t2;
-        let t4 = t1 / t3;
-        let t5 = t3 / t1;
-        let t6 = R::from_f64(100.0) * I1 + mb * (R::from_f64(29.0) + R::from_f64(100.0) * t0);
-        let t7 = R::from_f64(100.0) * I3 + R::from_f64(36.0) * ma + R::from_f64(25.0) * mb;
+        let t0 = la * la;
+        let t1 = ma * t0;
+        let t2 = lb * lb;
+        let t3 = mb * t2;
+        let t4 = t3 / t1;
+        let t5 = R::from_f64(100.0) * I1 + mb * (R::from_f64(29.0) + R::from_f64(100.0) * t2);
+        let t6 = R::from_f64(100.0) * I3 + R::from_f64(36.0) * ma + R::from_f64(25.0) * mb;
         ::hamel_runtime::ParamError::require(I1.all_gt(R::ZERO), "I1 > 0", "")?;
         ::hamel_runtime::ParamError::require(I2.all_gt(R::ZERO), "I2 > 0", "")?;
         ::hamel_runtime::ParamError::require(I3.all_gt(R::ZERO), "I3 > 0", "")?;
@@ -140,29 +134,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ::hamel_runtime::ParamError::require(mb.all_gt(R::ZERO), "mb > 0", "")?;
         ::hamel_runtime::ParamError::require(lb.all_gt(R::ZERO), "lb > 0", "")?;
         Ok(Self {
-            c0: R::ratio(3.0, 5.0) / la, c1: t4,
-            c2: R::ratio(1.0, 5.0) * mb * lb / t3,
-            c3: t5, c4: R::from_f64(0.5) / lb, c5: -(ka / t3), c6: -(kb / t3), c7: (I2 - I3) / t3, c8: (I3 - I1) / t3,
-            c9: (I1 - I2) / t3,
-            c10: R::ratio(1.0, 100.0) * t6 / t3,
-            c11: R::ratio(2.0, 5.0) * mb * lb / t3,
-            c12: I2 / t3, c13: mb * lb / t3,
-            c14: R::ratio(1.0, 100.0) * t7 / t3,
-            c15: R::ratio(-9.0, 25.0) / t2, c16: R::ratio(1.0, 5.0) / lb, c17: R::from_f64(0.5) * I1,
-            c18: R::from_f64(0.5) * I2, c19: R::from_f64(0.5) * I3, c20: R::from_f64(0.5) * ka,
-            c21: R::from_f64(0.5) * kb,
-            c22: R::from_f64(0.5) * ma * t2,
-            c23: R::from_f64(0.5) * mb * t0,
-            c24: R::from_f64(10.0) * mb * t0 / t3,
-            c25: R::ratio(11.0, 100.0) * t6 / t3,
-            c26: R::from_f64(6.0) / la,
-            c27: R::from_f64(2.0) * mb * lb / t3,
-            c28: R::from_f64(11.0) * I2 / t3,
-            c29: R::from_f64(5.0) / lb,
-            c30: R::from_f64(12.0) * mb * t0 / t3,
-            c31: R::ratio(3.0, 25.0) * t7 / t3,
-            c32: R::ratio(108.0, 25.0) / t2,
-            c33: t4, c34: t4, c35: t5, c36: t5,
+            c0: t1 / t3,
+            c1: R::ratio(3.0, 5.0) * ma * la / t3,
+            c2: R::ratio(1.0, 5.0) / lb, c3: R::from_f64(0.5) / lb, c4: -(ka / t3), c5: -(kb / t3),
+            c6: (I2 - I3) / t3, c7: t4, c8: (I3 - I1) / t3, c9: (I1 - I2) / t3, c10: R::ratio(2.0, 5.0) / lb,
+            c11: R::ratio(1.0, 100.0) * t5 / t3,
+            c12: I2 / t3, c13: R::ratio(3.0, 5.0) / la, c14: lb.recip(),
+            c15: R::ratio(1.0, 100.0) * t6 / t3,
+            c16: R::ratio(-9.0, 25.0) * ma / t3,
+            c17: R::from_f64(0.5) * I1, c18: R::from_f64(0.5) * I2, c19: R::from_f64(0.5) * I3,
+            c20: R::from_f64(0.5) * ka, c21: R::from_f64(0.5) * kb,
+            c22: R::from_f64(0.5) * ma * t0,
+            c23: R::from_f64(0.5) * mb * t2,
+            c24: R::ratio(11.0, 100.0) * t5 / t3,
+            c25: R::from_f64(6.0) * ma * la / t3,
+            c26: R::from_f64(2.0) / lb,
+            c27: R::from_f64(11.0) * I2 / t3,
+            c28: R::from_f64(5.0) / lb,
+            c29: R::ratio(3.0, 25.0) * t6 / t3,
+            c30: R::ratio(108.0, 25.0) * ma / t3,
+            c31: t4,
         })
     }
 
@@ -174,70 +165,71 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// written out by: hamel explain two_arm_satellite
     /// ```
     ///
-    /// Operations: 56 additions, 82 multiplications (50 fused), 3 divisions, 2 elementary functions.
+    /// Operations: 57 additions, 80 multiplications (49 fused), 3 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         // velocities v in squares m/2 |v|^2
-        let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-        let t4 = alpha_dot + Omega3;
-        let v1_1_over_5_la = t0 * t4;
-        let t5 = t1 * t4;
-        let v1_2_over_5_la = fma(Omega3, self.c0, t5);
-        let t6 = self.c0 + t1;
-        let v1_3_over_5_la = fma(-Omega2, t6, Omega1 * t0);
-        let t7 = fma(t2, self.c1, self.c2);
-        let t8 = self.c3 * t7;
-        let t9 = self.c4 + t3;
-        let v2_1_over_10_lb = fma(Omega2, t8, -(Omega3 * t9));
-        let t10 = beta_dot * t2;
-        let v2_2_over_10_lb = fma(Omega1, t8, t10);
+        let t0 = alpha_dot + Omega3;
+        let ([t1, t3], [t2, t4]) = alpha.sin_cos_of_two(beta);
+        let t5 = self.c0 * t1;
+        let v1_1_scaled = t0 * t5;
+        let t6 = self.c0 * alpha_dot;
+        let t7 = t2 * t6;
+        let t8 = fma(t2, self.c0, self.c1);
+        let v1_2_scaled = fma(Omega3, t8, t7);
+        let v1_3_scaled = fma(-Omega2, t8, Omega1 * t5);
+        let t9 = self.c2 + t3;
+        let t10 = self.c3 + t4;
+        let v2_1_over_10_lb = fma(-Omega3, t10, Omega2 * t9);
         let t11 = beta_dot * t3;
-        let v2_3_over_10_lb = fma(Omega1, t9, t11);
+        let v2_2_over_10_lb = fma(Omega1, t9, t11);
+        let t12 = beta_dot * t4;
+        let v2_3_over_10_lb = fma(Omega1, t10, t12);
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let a1_1_over_5_la = fma(-Omega2, v1_3_over_5_la, fma(Omega3, v1_2_over_5_la, alpha_dot * t5));
-        let a1_2_over_5_la = fma(-Omega1, v1_3_over_5_la, -(t4 * v1_1_over_5_la));
-        let a1_3_over_5_la = fma(Omega1, fma(alpha_dot, t1, v1_2_over_5_la), Omega2 * fma(alpha_dot, t0, v1_1_over_5_la));
-        let a2_1_over_10_lb = fma(Omega3, t10 + v2_2_over_10_lb, Omega2 * (t11 + v2_3_over_10_lb));
-        let t12 = beta_dot + Omega1;
-        let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, v2_3_over_10_lb, t11 * t12));
-        let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, v2_2_over_10_lb, -(t10 * t12)));
+        let a1_1_scaled = fma(-Omega2, v1_3_scaled, fma(Omega3, v1_2_scaled, t0 * t7));
+        let t13 = t1 * t6;
+        let a1_2_scaled = fma(-Omega1, v1_3_scaled, fma(-Omega3, v1_1_scaled, -(t0 * t13)));
+        let a1_3_scaled = fma(Omega2, t13 + v1_1_scaled, Omega1 * (t7 + v1_2_scaled));
+        let a2_1_over_10_lb = fma(Omega2, t12 + v2_3_over_10_lb, Omega3 * (t11 + v2_2_over_10_lb));
+        let t14 = beta_dot + Omega1;
+        let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, v2_3_over_10_lb, t12 * t14));
+        let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, v2_2_over_10_lb, -(t11 * t14)));
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t13 = t0 * a1_1_over_5_la;
-        let r_alpha_dot_over_ma_la2 = fma(-t1, a1_2_over_5_la, fma(alpha, self.c5, -t13));
-        let r_beta_dot_over_ma_la2 = fma(-self.c33, fma(t3, a2_3_over_10_lb, t2 * a2_2_over_10_lb), self.c6 * beta);
-        let t14 = self.c1 * t9;
-        let r_Omega1_over_ma_la2 = fma(-a2_3_over_10_lb, t14, fma(-t7, a2_2_over_10_lb, fma(-t0, a1_3_over_5_la, self.c7 * Omega3 * Omega2)));
-        let r_Omega2_over_ma_la2 = fma(-t7, a2_1_over_10_lb, fma(t6, a1_3_over_5_la, self.c8 * Omega3 * Omega1));
-        let r_Omega3_over_ma_la2 = fma(a2_1_over_10_lb, t14, fma(-t6, a1_2_over_5_la, fma(Omega1, self.c9 * Omega2, -t13)));
+        let t15 = t1 * a1_1_scaled;
+        let r_alpha_dot_over_mb_lb2 = fma(-t2, a1_2_scaled, fma(alpha, self.c4, -t15));
+        let r_beta_dot_over_mb_lb2 = fma(-t4, a2_3_over_10_lb, fma(-t3, a2_2_over_10_lb, self.c5 * beta));
+        let r_Omega1_over_mb_lb2 = fma(-t1, a1_3_scaled, fma(-t10, a2_3_over_10_lb, fma(-t9, a2_2_over_10_lb, self.c6 * Omega3 * Omega2)));
+        let t16 = self.c7 * t8;
+        let r_Omega2_over_mb_lb2 = fma(-t9, a2_1_over_10_lb, fma(a1_3_scaled, t16, self.c8 * Omega3 * Omega1));
+        let r_Omega3_over_mb_lb2 = fma(t10, a2_1_over_10_lb, fma(-a1_2_scaled, t16, fma(Omega1, self.c9 * Omega2, -t15)));
         // mass matrix A = W^T L_yy Psi
-        let t15 = fma(t3, R::from_f64(2.5), t2);
-        let A_beta_dot_Omega1_over_ma_la2 = fma(t15, self.c2, self.c1);
-        let A_Omega1_Omega1_over_ma_la2 = fma(t15, self.c11, fma(t0, t0, self.c10));
-        let t16 = t0 * t6;
-        let A_Omega2_Omega2_over_ma_la2 = fma(t7, t8, fma(t6, t6, self.c12));
-        let t17 = t9 * t7;
+        let t17 = fma(t4, R::from_f64(2.5), t3);
+        let A_beta_dot_Omega1_over_mb_lb2 = fma(t17, self.c2, R::ONE);
+        let A_Omega1_Omega1_over_mb_lb2 = fma(t1, t5, fma(t17, self.c10, self.c11));
+        let t18 = t1 * t8;
+        let A_Omega2_Omega2_over_mb_lb2 = fma(t8, t16, fma(t9, t9, self.c12));
+        let t19 = t10 * t9;
         // factors of A
-        let A_l5_1 = fma(t1, self.c0, R::ONE);
-        let A_s1_5_5_over_ma_la2 = fma(self.c15, t1 * t1, fma(self.c34, t3 * t3, fma(t3, self.c13, self.c14)));
-        let A_l3_2 = self.c35 * A_beta_dot_Omega1_over_ma_la2;
-        let A_s2_3_3_over_ma_la2 = fma(-A_beta_dot_Omega1_over_ma_la2, A_l3_2, A_Omega1_Omega1_over_ma_la2);
-        let t18 = A_s2_3_3_over_ma_la2.recip();
-        let t19 = t16 * t18;
-        let A_s3_4_4_over_ma_la2 = fma(-t16, t19, A_Omega2_Omega2_over_ma_la2);
-        let t20 = A_s3_4_4_over_ma_la2.recip();
-        let t21 = t17 * t20;
-        let A_s4_5_5_over_ma_la2 = fma(-t17, t21, A_s1_5_5_over_ma_la2);
+        let A_l5_1 = fma(t2, self.c13, R::ONE);
+        let A_s1_5_5_over_mb_lb2 = fma(self.c16, t2 * t2, fma(t4, t4, fma(t4, self.c14, self.c15)));
+        let A_s2_3_3_over_mb_lb2 = fma(-A_beta_dot_Omega1_over_mb_lb2, A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
+        let t20 = A_s2_3_3_over_mb_lb2.recip();
+        let t21 = t18 * t20;
+        let A_s3_4_4_over_mb_lb2 = fma(-t18, t21, A_Omega2_Omega2_over_mb_lb2);
+        let t22 = A_s3_4_4_over_mb_lb2.recip();
+        let t23 = t19 * t22;
+        let A_s4_5_5_over_mb_lb2 = fma(-t19, t23, A_s1_5_5_over_mb_lb2);
         // substitution through the factors of A
-        let z_Omega1_over_ma_la2 = fma(-r_beta_dot_over_ma_la2, A_l3_2, r_Omega1_over_ma_la2);
-        let z_Omega2_over_ma_la2 = fma(t19, z_Omega1_over_ma_la2, r_Omega2_over_ma_la2);
-        let z_Omega3_over_ma_la2 = fma(t21, z_Omega2_over_ma_la2, fma(-r_alpha_dot_over_ma_la2, A_l5_1, r_Omega3_over_ma_la2));
-        let dot_Omega3 = z_Omega3_over_ma_la2 / A_s4_5_5_over_ma_la2;
-        let dot_Omega2 = fma(t21, dot_Omega3, z_Omega2_over_ma_la2 * t20);
-        let dot_Omega1 = fma(t19, dot_Omega2, z_Omega1_over_ma_la2 * t18);
-        let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c36 * r_beta_dot_over_ma_la2);
-        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, r_alpha_dot_over_ma_la2);
+        let z_Omega1_over_mb_lb2 = fma(-r_beta_dot_over_mb_lb2, A_beta_dot_Omega1_over_mb_lb2, r_Omega1_over_mb_lb2);
+        let z_Omega2_over_mb_lb2 = fma(t21, z_Omega1_over_mb_lb2, r_Omega2_over_mb_lb2);
+        let z_Omega3_over_mb_lb2 = fma(t23, z_Omega2_over_mb_lb2, fma(-r_alpha_dot_over_mb_lb2, A_l5_1, r_Omega3_over_mb_lb2));
+        let dot_Omega3 = z_Omega3_over_mb_lb2 / A_s4_5_5_over_mb_lb2;
+        let dot_Omega2 = fma(t23, dot_Omega3, z_Omega2_over_mb_lb2 * t22);
+        let dot_Omega1 = fma(t21, dot_Omega2, z_Omega1_over_mb_lb2 * t20);
+        let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mb_lb2, dot_Omega1, r_beta_dot_over_mb_lb2);
+        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c31 * r_alpha_dot_over_mb_lb2);
         *dy = [alpha_dot, beta_dot, dot_alpha_dot, dot_beta_dot, dot_Omega1, dot_Omega2, dot_Omega3];
     }
 
@@ -250,69 +242,70 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///      cos_beta, sin_beta]
     /// ```
     ///
-    /// Operations: 56 additions, 86 multiplications (50 fused), 3 divisions, 2 sign changes.
+    /// Operations: 57 additions, 84 multiplications (49 fused), 3 divisions, 2 sign changes.
     #[inline]
     pub fn rhs_on_circles(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, cos_alpha, sin_alpha, cos_beta, sin_beta] = *y;
         let _ = t;
         // velocities v in squares m/2 |v|^2
         let t0 = alpha_dot + Omega3;
-        let v1_1_over_5_la = sin_alpha * t0;
-        let t1 = cos_alpha * t0;
-        let v1_2_over_5_la = fma(Omega3, self.c0, t1);
-        let t2 = self.c0 + cos_alpha;
-        let v1_3_over_5_la = fma(-Omega2, t2, Omega1 * sin_alpha);
-        let t3 = fma(sin_beta, self.c1, self.c2);
-        let t4 = self.c3 * t3;
-        let t5 = self.c4 + cos_beta;
-        let v2_1_over_10_lb = fma(Omega2, t4, -(Omega3 * t5));
-        let t6 = beta_dot * sin_beta;
-        let v2_2_over_10_lb = fma(Omega1, t4, t6);
-        let t7 = beta_dot * cos_beta;
-        let v2_3_over_10_lb = fma(Omega1, t5, t7);
+        let t1 = self.c0 * sin_alpha;
+        let v1_1_scaled = t0 * t1;
+        let t2 = self.c0 * alpha_dot;
+        let t3 = cos_alpha * t2;
+        let t4 = fma(cos_alpha, self.c0, self.c1);
+        let v1_2_scaled = fma(Omega3, t4, t3);
+        let v1_3_scaled = fma(-Omega2, t4, Omega1 * t1);
+        let t5 = self.c2 + sin_beta;
+        let t6 = self.c3 + cos_beta;
+        let v2_1_over_10_lb = fma(-Omega3, t6, Omega2 * t5);
+        let t7 = beta_dot * sin_beta;
+        let v2_2_over_10_lb = fma(Omega1, t5, t7);
+        let t8 = beta_dot * cos_beta;
+        let v2_3_over_10_lb = fma(Omega1, t6, t8);
         // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-        let a1_1_over_5_la = fma(-Omega2, v1_3_over_5_la, fma(Omega3, v1_2_over_5_la, alpha_dot * t1));
-        let a1_2_over_5_la = fma(-Omega1, v1_3_over_5_la, -(t0 * v1_1_over_5_la));
-        let a1_3_over_5_la = fma(Omega1, fma(alpha_dot, cos_alpha, v1_2_over_5_la), Omega2 * fma(alpha_dot, sin_alpha, v1_1_over_5_la));
-        let a2_1_over_10_lb = fma(Omega3, t6 + v2_2_over_10_lb, Omega2 * (t7 + v2_3_over_10_lb));
-        let t8 = beta_dot + Omega1;
-        let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, v2_3_over_10_lb, t7 * t8));
-        let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, v2_2_over_10_lb, -(t6 * t8)));
+        let a1_1_scaled = fma(-Omega2, v1_3_scaled, fma(Omega3, v1_2_scaled, t0 * t3));
+        let t9 = sin_alpha * t2;
+        let a1_2_scaled = fma(-Omega1, v1_3_scaled, fma(-Omega3, v1_1_scaled, -(t0 * t9)));
+        let a1_3_scaled = fma(Omega2, t9 + v1_1_scaled, Omega1 * (t3 + v1_2_scaled));
+        let a2_1_over_10_lb = fma(Omega2, t8 + v2_3_over_10_lb, Omega3 * (t7 + v2_2_over_10_lb));
+        let t10 = beta_dot + Omega1;
+        let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, v2_3_over_10_lb, t8 * t10));
+        let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, v2_2_over_10_lb, -(t7 * t10)));
         // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-        let t9 = sin_alpha * a1_1_over_5_la;
-        let r_alpha_dot_over_ma_la2 = fma(-cos_alpha, a1_2_over_5_la, fma(alpha, self.c5, -t9));
-        let r_beta_dot_over_ma_la2 = fma(-self.c33, fma(cos_beta, a2_3_over_10_lb, sin_beta * a2_2_over_10_lb), self.c6 * beta);
-        let t10 = self.c1 * t5;
-        let r_Omega1_over_ma_la2 = fma(-a2_3_over_10_lb, t10, fma(-t3, a2_2_over_10_lb, fma(-sin_alpha, a1_3_over_5_la, self.c7 * Omega3 * Omega2)));
-        let r_Omega2_over_ma_la2 = fma(-t3, a2_1_over_10_lb, fma(t2, a1_3_over_5_la, self.c8 * Omega3 * Omega1));
-        let r_Omega3_over_ma_la2 = fma(a2_1_over_10_lb, t10, fma(-t2, a1_2_over_5_la, fma(Omega1, self.c9 * Omega2, -t9)));
+        let t11 = sin_alpha * a1_1_scaled;
+        let r_alpha_dot_over_mb_lb2 = fma(-cos_alpha, a1_2_scaled, fma(alpha, self.c4, -t11));
+        let r_beta_dot_over_mb_lb2 = fma(-cos_beta, a2_3_over_10_lb, fma(-sin_beta, a2_2_over_10_lb, self.c5 * beta));
+        let r_Omega1_over_mb_lb2 = fma(-sin_alpha, a1_3_scaled, fma(-t6, a2_3_over_10_lb, fma(-t5, a2_2_over_10_lb, self.c6 * Omega3 * Omega2)));
+        let t12 = self.c7 * t4;
+        let r_Omega2_over_mb_lb2 = fma(-t5, a2_1_over_10_lb, fma(a1_3_scaled, t12, self.c8 * Omega3 * Omega1));
+        let r_Omega3_over_mb_lb2 = fma(t6, a2_1_over_10_lb, fma(-a1_2_scaled, t12, fma(Omega1, self.c9 * Omega2, -t11)));
         // mass matrix A = W^T L_yy Psi
-        let t11 = fma(cos_beta, R::from_f64(2.5), sin_beta);
-        let A_beta_dot_Omega1_over_ma_la2 = fma(t11, self.c2, self.c1);
-        let A_Omega1_Omega1_over_ma_la2 = fma(t11, self.c11, fma(sin_alpha, sin_alpha, self.c10));
-        let t12 = sin_alpha * t2;
-        let A_Omega2_Omega2_over_ma_la2 = fma(t3, t4, fma(t2, t2, self.c12));
-        let t13 = t5 * t3;
+        let t13 = fma(cos_beta, R::from_f64(2.5), sin_beta);
+        let A_beta_dot_Omega1_over_mb_lb2 = fma(t13, self.c2, R::ONE);
+        let A_Omega1_Omega1_over_mb_lb2 = fma(sin_alpha, t1, fma(t13, self.c10, self.c11));
+        let t14 = sin_alpha * t4;
+        let A_Omega2_Omega2_over_mb_lb2 = fma(t4, t12, fma(t5, t5, self.c12));
+        let t15 = t6 * t5;
         // factors of A
-        let A_l5_1 = fma(cos_alpha, self.c0, R::ONE);
-        let A_s1_5_5_over_ma_la2 = fma(self.c15, cos_alpha * cos_alpha, fma(self.c34, cos_beta * cos_beta, fma(cos_beta, self.c13, self.c14)));
-        let A_l3_2 = self.c35 * A_beta_dot_Omega1_over_ma_la2;
-        let A_s2_3_3_over_ma_la2 = fma(-A_beta_dot_Omega1_over_ma_la2, A_l3_2, A_Omega1_Omega1_over_ma_la2);
-        let t14 = A_s2_3_3_over_ma_la2.recip();
-        let t15 = t12 * t14;
-        let A_s3_4_4_over_ma_la2 = fma(-t12, t15, A_Omega2_Omega2_over_ma_la2);
-        let t16 = A_s3_4_4_over_ma_la2.recip();
-        let t17 = t13 * t16;
-        let A_s4_5_5_over_ma_la2 = fma(-t13, t17, A_s1_5_5_over_ma_la2);
+        let A_l5_1 = fma(cos_alpha, self.c13, R::ONE);
+        let A_s1_5_5_over_mb_lb2 = fma(self.c16, cos_alpha * cos_alpha, fma(cos_beta, cos_beta, fma(cos_beta, self.c14, self.c15)));
+        let A_s2_3_3_over_mb_lb2 = fma(-A_beta_dot_Omega1_over_mb_lb2, A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
+        let t16 = A_s2_3_3_over_mb_lb2.recip();
+        let t17 = t14 * t16;
+        let A_s3_4_4_over_mb_lb2 = fma(-t14, t17, A_Omega2_Omega2_over_mb_lb2);
+        let t18 = A_s3_4_4_over_mb_lb2.recip();
+        let t19 = t15 * t18;
+        let A_s4_5_5_over_mb_lb2 = fma(-t15, t19, A_s1_5_5_over_mb_lb2);
         // substitution through the factors of A
-        let z_Omega1_over_ma_la2 = fma(-r_beta_dot_over_ma_la2, A_l3_2, r_Omega1_over_ma_la2);
-        let z_Omega2_over_ma_la2 = fma(t15, z_Omega1_over_ma_la2, r_Omega2_over_ma_la2);
-        let z_Omega3_over_ma_la2 = fma(t17, z_Omega2_over_ma_la2, fma(-r_alpha_dot_over_ma_la2, A_l5_1, r_Omega3_over_ma_la2));
-        let dot_Omega3 = z_Omega3_over_ma_la2 / A_s4_5_5_over_ma_la2;
-        let dot_Omega2 = fma(t17, dot_Omega3, z_Omega2_over_ma_la2 * t16);
-        let dot_Omega1 = fma(t15, dot_Omega2, z_Omega1_over_ma_la2 * t14);
-        let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c36 * r_beta_dot_over_ma_la2);
-        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, r_alpha_dot_over_ma_la2);
+        let z_Omega1_over_mb_lb2 = fma(-r_beta_dot_over_mb_lb2, A_beta_dot_Omega1_over_mb_lb2, r_Omega1_over_mb_lb2);
+        let z_Omega2_over_mb_lb2 = fma(t17, z_Omega1_over_mb_lb2, r_Omega2_over_mb_lb2);
+        let z_Omega3_over_mb_lb2 = fma(t19, z_Omega2_over_mb_lb2, fma(-r_alpha_dot_over_mb_lb2, A_l5_1, r_Omega3_over_mb_lb2));
+        let dot_Omega3 = z_Omega3_over_mb_lb2 / A_s4_5_5_over_mb_lb2;
+        let dot_Omega2 = fma(t19, dot_Omega3, z_Omega2_over_mb_lb2 * t18);
+        let dot_Omega1 = fma(t17, dot_Omega2, z_Omega1_over_mb_lb2 * t16);
+        let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mb_lb2, dot_Omega1, r_beta_dot_over_mb_lb2);
+        let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c31 * r_alpha_dot_over_mb_lb2);
         let dot_cos_alpha = -(sin_alpha * alpha_dot);
         let dot_sin_alpha = cos_alpha * alpha_dot;
         let dot_cos_beta = -(sin_beta * beta_dot);
@@ -350,11 +343,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
         let t4 = t0 * (alpha_dot + Omega3);
-        let t5 = self.c0 + t1;
+        let t5 = self.c13 + t1;
         let t6 = fma(Omega3, t5, alpha_dot * t1);
         let t7 = fma(-Omega2, t5, Omega1 * t0);
-        let t8 = self.c16 + t2;
-        let t9 = self.c4 + t3;
+        let t8 = self.c2 + t2;
+        let t9 = self.c3 + t3;
         let t10 = fma(-Omega3, t9, Omega2 * t8);
         let t11 = fma(Omega1, t8, beta_dot * t2);
         let t12 = fma(Omega1, t9, beta_dot * t3);
@@ -364,7 +357,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
     /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
-    /// Operations: 53 additions, 72 multiplications (43 fused), 2 divisions, 33 sign changes, 2 elementary functions.
+    /// Operations: 51 additions, 68 multiplications (39 fused), 2 divisions, 31 sign changes, 2 elementary functions.
     #[must_use]
     pub fn pivots(&self, t: R, y: &[R; 7]) -> [::hamel_runtime::Pivot<R>; 3] {
         let [alpha, beta, _, _, _, _, _] = *y;
@@ -372,61 +365,59 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         // mass matrix A = W^T L_yy Psi
         let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
         let t4 = fma(t1, R::from_f64(2.5), t0);
-        let A_beta_dot_Omega1_over_ma_la2 = fma(t4, self.c2, self.c1);
-        let t5 = t2 * t2;
-        let A_Omega1_Omega1_over_ma_la2 = fma(t4, self.c11, self.c10) + t5;
-        let t6 = self.c0 + t3;
-        let t7 = t2 * t6;
-        let t8 = t6 * t6;
-        let t9 = self.c1 * t0;
-        let t10 = self.c2 + t9;
-        let t11 = self.c3 * t10;
-        let t12 = t10 * t11;
-        let A_Omega2_Omega2_over_ma_la2 = self.c12 + t8 + t12;
-        let t13 = self.c4 + t1;
-        let t14 = t13 * t10;
+        let A_beta_dot_Omega1_over_mb_lb2 = fma(t4, self.c2, R::ONE);
+        let t5 = self.c0 * t2 * t2;
+        let A_Omega1_Omega1_over_mb_lb2 = fma(t4, self.c10, self.c11) + t5;
+        let t6 = self.c0 * t3;
+        let t7 = self.c1 + t6;
+        let t8 = t2 * t7;
+        let t9 = self.c7 * t7;
+        let t10 = t7 * t9;
+        let t11 = self.c2 + t0;
+        let t12 = t11 * t11;
+        let A_Omega2_Omega2_over_mb_lb2 = self.c12 + t12 + t10;
+        let t13 = self.c3 + t1;
+        let t14 = t13 * t11;
         // factors of A
-        let t15 = self.c13 * t1;
+        let t15 = self.c14 * t1;
         let t16 = t1 * t1;
         let t17 = t3 * t3;
-        let A_s1_5_5_over_ma_la2 = fma(t17, self.c15, fma(t16, self.c1, self.c14 + t15));
-        let A_l3_2 = self.c3 * A_beta_dot_Omega1_over_ma_la2;
-        let t18 = A_beta_dot_Omega1_over_ma_la2 * A_l3_2;
-        let A_s2_3_3_over_ma_la2 = A_Omega1_Omega1_over_ma_la2 - t18;
-        let t19 = A_s2_3_3_over_ma_la2.recip();
-        let t20 = t7 * t19;
-        let t21 = t7 * t20;
-        let A_s3_4_4_over_ma_la2 = A_Omega2_Omega2_over_ma_la2 - t21;
-        let t22 = A_s3_4_4_over_ma_la2.recip();
+        let A_s1_5_5_over_mb_lb2 = fma(t17, self.c16, self.c15 + t15 + t16);
+        let t18 = A_beta_dot_Omega1_over_mb_lb2 * A_beta_dot_Omega1_over_mb_lb2;
+        let A_s2_3_3_over_mb_lb2 = A_Omega1_Omega1_over_mb_lb2 - t18;
+        let t19 = A_s2_3_3_over_mb_lb2.recip();
+        let t20 = t8 * t19;
+        let t21 = t8 * t20;
+        let A_s3_4_4_over_mb_lb2 = A_Omega2_Omega2_over_mb_lb2 - t21;
+        let t22 = A_s3_4_4_over_mb_lb2.recip();
         let t23 = t14 * t22;
         let t24 = t14 * t23;
-        let A_s4_5_5_over_ma_la2 = A_s1_5_5_over_ma_la2 - t24;
+        let A_s4_5_5_over_mb_lb2 = A_s1_5_5_over_mb_lb2 - t24;
         let t25 = t1.abs();
-        let t26 = fma(R::from_f64(10.0), t0.abs(), R::from_f64(25.0) * t25);
-        let t27 = (self.c13 * t4).abs();
-        let t28 = fma(t27, R::from_f64(2.0), fma(t26, self.c2, self.c24));
-        let t29 = A_l3_2.abs();
-        let t30 = fma(R::from_f64(2.0), A_Omega1_Omega1_over_ma_la2.abs(), fma(t27, R::ratio(22.0, 5.0), fma(t26, self.c11, fma(t18, R::from_f64(10.0), fma(t5, R::from_f64(11.0), self.c25)))));
-        let t31 = fma(fma(t28, self.c3, R::from_f64(8.0) * t29), A_beta_dot_Omega1_over_ma_la2.abs(), fma(t28, t29, t30));
-        let t32 = fma(R::from_f64(10.0), t3.abs(), self.c26);
-        let t33 = fma(R::from_f64(10.0), t9.abs(), self.c27);
+        let t26 = R::from_f64(10.0) * t0.abs();
+        let t27 = fma(t25, R::from_f64(25.0), t26);
+        let t28 = (self.c14 * t4).abs();
+        let t29 = fma(R::from_f64(2.0), A_Omega1_Omega1_over_mb_lb2.abs(), fma(t28, R::ratio(22.0, 5.0), fma(t27, self.c10, fma(t18, R::from_f64(10.0), fma(t5, R::from_f64(11.0), self.c24)))));
+        let t30 = fma(fma(t28, R::from_f64(2.0), fma(t27, self.c2, R::from_f64(10.0))), R::from_f64(2.0) * A_beta_dot_Omega1_over_mb_lb2.abs(), t29);
+        let t31 = fma(R::from_f64(10.0), t6.abs(), self.c25);
+        let t32 = t9.abs();
+        let t33 = self.c26 + t26;
         let t34 = t11.abs();
-        let t35 = t10.abs();
-        let t36 = fma(R::from_f64(8.0), t7.abs(), t32 * t2.abs());
+        let t35 = fma(R::from_f64(8.0), t8.abs(), t31 * t2.abs());
         let A_l4_3 = -t20;
-        let t37 = A_l4_3.abs();
-        let A_Omega1_Omega2_over_ma_la2 = -t7;
-        let t38 = fma(t33, t34, fma(t32, R::from_f64(2.0) * t6.abs(), fma(A_Omega2_Omega2_over_ma_la2, R::from_f64(2.0), fma(t12, R::from_f64(11.0), fma(t8, R::from_f64(11.0), self.c28)))));
-        let t39 = fma(fma(t31, (-(t7 * (t19 * t19))).abs(), fma(t37, R::from_f64(8.0), t36 * t19.abs())), A_Omega1_Omega2_over_ma_la2.abs(), fma(R::from_f64(10.0), t21.abs(), fma(t36, t37, fma(t35, fma(t34, R::from_f64(8.0), self.c3 * t33), t38))));
-        let t40 = fma(R::from_f64(8.0), t14.abs(), fma(t33, t13.abs(), fma(t25, R::from_f64(10.0), self.c29) * t35));
+        let t36 = A_l4_3.abs();
+        let A_Omega1_Omega2_over_mb_lb2 = -t8;
+        let t37 = fma(t33, R::from_f64(2.0) * t34, fma(t31, t32, fma(A_Omega2_Omega2_over_mb_lb2, R::from_f64(2.0), fma(t10, R::from_f64(11.0), fma(t12, R::from_f64(11.0), self.c27)))));
+        let t38 = fma(fma(t30, (-(t8 * (t19 * t19))).abs(), fma(t36, R::from_f64(8.0), t35 * t19.abs())), A_Omega1_Omega2_over_mb_lb2.abs(), fma(R::from_f64(10.0), t21.abs(), fma(t35, t36, fma(fma(t32, R::from_f64(8.0), self.c7 * t31), t7.abs(), t37))));
+        let t39 = fma(R::from_f64(8.0), t14.abs(), fma(t33, t13.abs(), fma(t25, R::from_f64(10.0), self.c28) * t34));
         let A_l5_4 = -t23;
-        let t41 = A_l5_4.abs();
-        let A_Omega2_Omega3_over_ma_la2 = -t14;
-        let t42 = fma(R::from_f64(10.0), t24.abs(), fma(t40, t41, fma(R::from_f64(2.0), A_s1_5_5_over_ma_la2.abs(), fma(R::from_f64(12.0), t15.abs(), fma(t17, self.c32, fma(t16, self.c30, self.c31))))));
+        let t40 = A_l5_4.abs();
+        let A_Omega2_Omega3_over_mb_lb2 = -t14;
+        let t41 = fma(R::from_f64(10.0), t24.abs(), fma(t39, t40, fma(R::from_f64(2.0), A_s1_5_5_over_mb_lb2.abs(), fma(R::from_f64(12.0), t15.abs(), fma(t17, self.c30, fma(t16, R::from_f64(12.0), self.c29))))));
         [
-            ::hamel_runtime::Pivot::new("inertia along Omega1", A_s2_3_3_over_ma_la2, t31),
-            ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4_over_ma_la2, t39),
-            ::hamel_runtime::Pivot::new("inertia along Omega3", A_s4_5_5_over_ma_la2, fma(fma(t39, (-(t14 * (t22 * t22))).abs(), fma(t41, R::from_f64(8.0), t40 * t22.abs())), A_Omega2_Omega3_over_ma_la2.abs(), t42)),
+            ::hamel_runtime::Pivot::new("inertia along Omega1", A_s2_3_3_over_mb_lb2, t30),
+            ::hamel_runtime::Pivot::new("inertia along Omega2", A_s3_4_4_over_mb_lb2, t38),
+            ::hamel_runtime::Pivot::new("inertia along Omega3", A_s4_5_5_over_mb_lb2, fma(fma(t38, (-(t14 * (t22 * t22))).abs(), fma(t40, R::from_f64(8.0), t39 * t22.abs())), A_Omega2_Omega3_over_mb_lb2.abs(), t41)),
         ]
     }
 
@@ -445,7 +436,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 
 ::hamel_runtime::over_scalar!(Prepared[7] {
     c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18, c19, c20, c21, c22,
-    c23, c24, c25, c26, c27, c28, c29, c30, c31, c32, c33, c34, c35, c36,
+    c23, c24, c25, c26, c27, c28, c29, c30, c31,
 });
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
@@ -467,7 +458,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
-        ::hamel_runtime::Convolutions<R, 2>,
+        ::hamel_runtime::Convolutions<R, 3>,
     );
     fn workspace(&self) -> Self::Workspace {
         (
@@ -481,7 +472,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
 
     /// Writes the Taylor coefficients of the solution, at order zero by the equations and then by their recurrence.
     ///
-    /// Operations at each order k: 175 additions, 152 multiplications (130 fused), 4 sign changes, and 66 sums of k - 1 products.
+    /// Operations at each order k: 177 additions, 150 multiplications (130 fused), 4 sign changes, and 67 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -503,81 +494,136 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
             let _ = t;
             // velocities v in squares m/2 |v|^2
-            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
-            let t4 = alpha_dot + Omega3;
-            let v1_1_over_5_la = t0 * t4;
-            let t5 = t1 * t4;
-            let v1_2_over_5_la = fma(Omega3, self.c0, t5);
-            let t6 = self.c0 + t1;
-            let v1_3_over_5_la = fma(-Omega2, t6, Omega1 * t0);
-            let t7 = fma(t2, self.c1, self.c2);
-            let t8 = self.c3 * t7;
-            let t9 = self.c4 + t3;
-            let v2_1_over_10_lb = fma(Omega2, t8, -(Omega3 * t9));
-            let t10 = beta_dot * t2;
-            let v2_2_over_10_lb = fma(Omega1, t8, t10);
+            let t0 = alpha_dot + Omega3;
+            let ([t1, t3], [t2, t4]) = alpha.sin_cos_of_two(beta);
+            let t5 = self.c0 * t1;
+            let v1_1_scaled = t0 * t5;
+            let t6 = self.c0 * alpha_dot;
+            let t7 = t2 * t6;
+            let t8 = fma(t2, self.c0, self.c1);
+            let v1_2_scaled = fma(Omega3, t8, t7);
+            let v1_3_scaled = fma(-Omega2, t8, Omega1 * t5);
+            let t9 = self.c2 + t3;
+            let t10 = self.c3 + t4;
+            let v2_1_over_10_lb = fma(-Omega3, t10, Omega2 * t9);
             let t11 = beta_dot * t3;
-            let v2_3_over_10_lb = fma(Omega1, t9, t11);
+            let v2_2_over_10_lb = fma(Omega1, t9, t11);
+            let t12 = beta_dot * t4;
+            let v2_3_over_10_lb = fma(Omega1, t10, t12);
             // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-            let a1_1_over_5_la = fma(-Omega2, v1_3_over_5_la, fma(Omega3, v1_2_over_5_la, alpha_dot * t5));
-            let a1_2_over_5_la = fma(-Omega1, v1_3_over_5_la, -(t4 * v1_1_over_5_la));
-            let t12 = fma(alpha_dot, t1, v1_2_over_5_la);
-            let t13 = fma(alpha_dot, t0, v1_1_over_5_la);
-            let a1_3_over_5_la = fma(Omega1, t12, Omega2 * t13);
-            let t14 = t10 + v2_2_over_10_lb;
-            let t15 = t11 + v2_3_over_10_lb;
-            let a2_1_over_10_lb = fma(Omega3, t14, Omega2 * t15);
-            let t16 = beta_dot + Omega1;
-            let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, v2_3_over_10_lb, t11 * t16));
-            let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, v2_2_over_10_lb, -(t10 * t16)));
+            let a1_1_scaled = fma(-Omega2, v1_3_scaled, fma(Omega3, v1_2_scaled, t0 * t7));
+            let t13 = t1 * t6;
+            let a1_2_scaled = fma(-Omega1, v1_3_scaled, fma(-Omega3, v1_1_scaled, -(t0 * t13)));
+            let t14 = t7 + v1_2_scaled;
+            let t15 = t13 + v1_1_scaled;
+            let a1_3_scaled = fma(Omega2, t15, Omega1 * t14);
+            let t16 = t11 + v2_2_over_10_lb;
+            let t17 = t12 + v2_3_over_10_lb;
+            let a2_1_over_10_lb = fma(Omega2, t17, Omega3 * t16);
+            let t18 = beta_dot + Omega1;
+            let a2_2_over_10_lb = fma(-Omega3, v2_1_over_10_lb, fma(Omega1, v2_3_over_10_lb, t12 * t18));
+            let a2_3_over_10_lb = fma(-Omega2, v2_1_over_10_lb, fma(-Omega1, v2_2_over_10_lb, -(t11 * t18)));
             // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-            let t17 = t0 * a1_1_over_5_la;
-            let r_alpha_dot_over_ma_la2 = fma(-t1, a1_2_over_5_la, fma(alpha, self.c5, -t17));
-            let r_beta_dot_over_ma_la2 = fma(-self.c33, fma(t3, a2_3_over_10_lb, t2 * a2_2_over_10_lb), self.c6 * beta);
-            let t18 = self.c1 * t9;
-            let t19 = self.c7 * Omega3;
-            let r_Omega1_over_ma_la2 = fma(-a2_3_over_10_lb, t18, fma(-t7, a2_2_over_10_lb, fma(-t0, a1_3_over_5_la, t19 * Omega2)));
-            let t20 = self.c8 * Omega3;
-            let r_Omega2_over_ma_la2 = fma(-t7, a2_1_over_10_lb, fma(t6, a1_3_over_5_la, t20 * Omega1));
-            let t21 = self.c9 * Omega2;
-            let r_Omega3_over_ma_la2 = fma(a2_1_over_10_lb, t18, fma(-t6, a1_2_over_5_la, fma(Omega1, t21, -t17)));
+            let t19 = t1 * a1_1_scaled;
+            let r_alpha_dot_over_mb_lb2 = fma(-t2, a1_2_scaled, fma(alpha, self.c4, -t19));
+            let r_beta_dot_over_mb_lb2 = fma(-t4, a2_3_over_10_lb, fma(-t3, a2_2_over_10_lb, self.c5 * beta));
+            let t20 = self.c6 * Omega3;
+            let r_Omega1_over_mb_lb2 = fma(-t1, a1_3_scaled, fma(-t10, a2_3_over_10_lb, fma(-t9, a2_2_over_10_lb, t20 * Omega2)));
+            let t21 = self.c7 * t8;
+            let t22 = self.c8 * Omega3;
+            let r_Omega2_over_mb_lb2 = fma(-t9, a2_1_over_10_lb, fma(a1_3_scaled, t21, t22 * Omega1));
+            let t23 = self.c9 * Omega2;
+            let r_Omega3_over_mb_lb2 = fma(t10, a2_1_over_10_lb, fma(-a1_2_scaled, t21, fma(Omega1, t23, -t19)));
             // mass matrix A = W^T L_yy Psi
-            let t22 = fma(t3, R::from_f64(2.5), t2);
-            let A_beta_dot_Omega1_over_ma_la2 = fma(t22, self.c2, self.c1);
-            let A_Omega1_Omega1_over_ma_la2 = fma(t22, self.c11, fma(t0, t0, self.c10));
-            let t23 = t0 * t6;
-            let A_Omega2_Omega2_over_ma_la2 = fma(t7, t8, fma(t6, t6, self.c12));
-            let t24 = t9 * t7;
+            let t24 = fma(t4, R::from_f64(2.5), t3);
+            let A_beta_dot_Omega1_over_mb_lb2 = fma(t24, self.c2, R::ONE);
+            let A_Omega1_Omega1_over_mb_lb2 = fma(t1, t5, fma(t24, self.c10, self.c11));
+            let t25 = t1 * t8;
+            let A_Omega2_Omega2_over_mb_lb2 = fma(t8, t21, fma(t9, t9, self.c12));
+            let t26 = t10 * t9;
             // factors of A
-            let A_l5_1 = fma(t1, self.c0, R::ONE);
-            let A_s1_5_5_over_ma_la2 = fma(self.c15, t1 * t1, fma(self.c34, t3 * t3, fma(t3, self.c13, self.c14)));
-            let A_l3_2 = self.c35 * A_beta_dot_Omega1_over_ma_la2;
-            let A_s2_3_3_over_ma_la2 = fma(-A_beta_dot_Omega1_over_ma_la2, A_l3_2, A_Omega1_Omega1_over_ma_la2);
-            let t25 = A_s2_3_3_over_ma_la2.recip();
-            let t26 = t23 * t25;
-            let A_s3_4_4_over_ma_la2 = fma(-t23, t26, A_Omega2_Omega2_over_ma_la2);
-            let t27 = A_s3_4_4_over_ma_la2.recip();
-            let t28 = t24 * t27;
-            let A_s4_5_5_over_ma_la2 = fma(-t24, t28, A_s1_5_5_over_ma_la2);
+            let A_l5_1 = fma(t2, self.c13, R::ONE);
+            let A_s1_5_5_over_mb_lb2 = fma(self.c16, t2 * t2, fma(t4, t4, fma(t4, self.c14, self.c15)));
+            let A_s2_3_3_over_mb_lb2 = fma(-A_beta_dot_Omega1_over_mb_lb2, A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
+            let t27 = A_s2_3_3_over_mb_lb2.recip();
+            let t28 = t25 * t27;
+            let A_s3_4_4_over_mb_lb2 = fma(-t25, t28, A_Omega2_Omega2_over_mb_lb2);
+            let t29 = A_s3_4_4_over_mb_lb2.recip();
+            let t30 = t26 * t29;
+            let A_s4_5_5_over_mb_lb2 = fma(-t26, t30, A_s1_5_5_over_mb_lb2);
             // substitution through the factors of A
-            let z_Omega1_over_ma_la2 = fma(-r_beta_dot_over_ma_la2, A_l3_2, r_Omega1_over_ma_la2);
-            let z_Omega2_over_ma_la2 = fma(t26, z_Omega1_over_ma_la2, r_Omega2_over_ma_la2);
-            let z_Omega3_over_ma_la2 = fma(t28, z_Omega2_over_ma_la2, fma(-r_alpha_dot_over_ma_la2, A_l5_1, r_Omega3_over_ma_la2));
-            let dot_Omega3 = z_Omega3_over_ma_la2 / A_s4_5_5_over_ma_la2;
-            let t29 = z_Omega2_over_ma_la2 * t27;
-            let dot_Omega2 = fma(t28, dot_Omega3, t29);
-            let t30 = z_Omega1_over_ma_la2 * t25;
-            let dot_Omega1 = fma(t26, dot_Omega2, t30);
-            let dot_beta_dot = fma(-A_l3_2, dot_Omega1, self.c36 * r_beta_dot_over_ma_la2);
-            let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, r_alpha_dot_over_ma_la2);
+            let z_Omega1_over_mb_lb2 = fma(-r_beta_dot_over_mb_lb2, A_beta_dot_Omega1_over_mb_lb2, r_Omega1_over_mb_lb2);
+            let z_Omega2_over_mb_lb2 = fma(t28, z_Omega1_over_mb_lb2, r_Omega2_over_mb_lb2);
+            let z_Omega3_over_mb_lb2 = fma(t30, z_Omega2_over_mb_lb2, fma(-r_alpha_dot_over_mb_lb2, A_l5_1, r_Omega3_over_mb_lb2));
+            let dot_Omega3 = z_Omega3_over_mb_lb2 / A_s4_5_5_over_mb_lb2;
+            let t31 = z_Omega2_over_mb_lb2 * t29;
+            let dot_Omega2 = fma(t30, dot_Omega3, t31);
+            let t32 = z_Omega1_over_mb_lb2 * t27;
+            let dot_Omega1 = fma(t28, dot_Omega2, t32);
+            let dot_beta_dot = fma(-A_beta_dot_Omega1_over_mb_lb2, dot_Omega1, r_beta_dot_over_mb_lb2);
+            let dot_alpha_dot = fma(-A_l5_1, dot_Omega3, self.c31 * r_alpha_dot_over_mb_lb2);
             ([alpha_dot, beta_dot, dot_alpha_dot, dot_beta_dot, dot_Omega1, dot_Omega2, dot_Omega3], [
-                t0, t1, t2, t3, t4, Omega1, Omega2, t6, Omega3, t9, t8, beta_dot, alpha_dot, t5, v1_2_over_5_la,
-                v1_3_over_5_la, v1_1_over_5_la, t13, t12, t15, t14, t11, t16, v2_3_over_10_lb, v2_1_over_10_lb, t10,
-                v2_2_over_10_lb, a1_1_over_5_la, a1_2_over_5_la, a2_2_over_10_lb, a2_3_over_10_lb, t19, a1_3_over_5_la,
-                t7, t18, t20, a2_1_over_10_lb, t21, t0 + t0, t6 + t6, t3 + t3, t1 + t1, A_beta_dot_Omega1_over_ma_la2,
-                A_l3_2, t25, t26, t23, t27, t28, t24, r_beta_dot_over_ma_la2, z_Omega1_over_ma_la2,
-                r_alpha_dot_over_ma_la2, A_l5_1, z_Omega2_over_ma_la2, dot_Omega3, A_s4_5_5_over_ma_la2.recip(), t29, t30,
-                dot_Omega2, dot_Omega1,
+                t1,
+                t2,
+                t3,
+                t4,
+                t0,
+                t5,
+                t6,
+                Omega3,
+                t8,
+                Omega1,
+                Omega2,
+                t9,
+                t10,
+                beta_dot,
+                t7,
+                v1_2_scaled,
+                v1_3_scaled,
+                t13,
+                v1_1_scaled,
+                t14,
+                t15,
+                t16,
+                t17,
+                t12,
+                t18,
+                v2_3_over_10_lb,
+                v2_1_over_10_lb,
+                t11,
+                v2_2_over_10_lb,
+                a1_1_scaled,
+                a1_2_scaled,
+                a2_2_over_10_lb,
+                a2_3_over_10_lb,
+                t20,
+                a1_3_scaled,
+                t22,
+                t21,
+                a2_1_over_10_lb,
+                t23,
+                t9 + t9,
+                t2 + t2,
+                t4 + t4,
+                A_beta_dot_Omega1_over_mb_lb2 + A_beta_dot_Omega1_over_mb_lb2,
+                t27,
+                t28,
+                t25,
+                t29,
+                t30,
+                t26,
+                r_beta_dot_over_mb_lb2,
+                A_beta_dot_Omega1_over_mb_lb2,
+                z_Omega1_over_mb_lb2,
+                r_alpha_dot_over_mb_lb2,
+                A_l5_1,
+                z_Omega2_over_mb_lb2,
+                dot_Omega3,
+                A_s4_5_5_over_mb_lb2.recip(),
+                t31,
+                t32,
+                dot_Omega2,
+                dot_Omega1,
             ])
         };
         workspace.0.clear();
@@ -607,104 +653,102 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 sum48, sum49, sum50, sum51, sum52, sum53, sum54, sum55, sum56, sum57, sum58, sum59, sum60, sum61, sum62,
                 sum63,
             ] = workspace.3.sums();
-            let [sum64, sum65] = workspace.4.sums();
+            let [sum64, sum65, sum66] = workspace.4.sums();
             // velocities v in squares m/2 |v|^2
-            let t0 = fma(kept1, alpha, inverse * sum0);
-            let t1 = -fma(kept0, alpha, inverse * sum1);
-            let t2 = fma(kept3, beta, inverse * sum2);
-            let t3 = -fma(kept2, beta, inverse * sum3);
-            let t4 = alpha_dot + Omega3;
-            let t5 = fma(kept0, t4, fma(kept4, t0, sum4));
-            let t6 = fma(kept1, t4, fma(kept4, t1, sum5));
-            let t7 = fma(self.c0, Omega3, t6);
-            let t8 = fma(kept5, t0, fma(kept0, Omega1, sum6)) - fma(kept6, t1, fma(kept7, Omega2, sum7));
-            let t9 = self.c1 * t2;
-            let t10 = self.c3 * t9;
-            let t11 = fma(kept6, t10, fma(kept10, Omega2, sum9)) - fma(kept8, t3, fma(kept9, Omega3, sum8));
-            let t12 = fma(kept11, t2, fma(kept2, beta_dot, sum10));
-            let t13 = fma(kept5, t10, fma(kept10, Omega1, sum11)) + t12;
-            let t14 = fma(kept11, t3, fma(kept3, beta_dot, sum12));
-            let t15 = fma(kept5, t3, fma(kept9, Omega1, sum13)) + t14;
+            let t0 = alpha_dot + Omega3;
+            let t1 = fma(kept1, alpha, inverse * sum0);
+            let t2 = -fma(kept0, alpha, inverse * sum1);
+            let t3 = fma(kept3, beta, inverse * sum2);
+            let t4 = -fma(kept2, beta, inverse * sum3);
+            let t5 = self.c0 * t1;
+            let t6 = fma(kept4, t5, fma(kept5, t0, sum4));
+            let t7 = self.c0 * alpha_dot;
+            let t8 = fma(kept1, t7, fma(kept6, t2, sum5));
+            let t9 = self.c0 * t2;
+            let t10 = fma(kept7, t9, fma(kept8, Omega3, sum6)) + t8;
+            let t11 = fma(kept9, t5, fma(kept5, Omega1, sum7)) - fma(kept10, t9, fma(kept8, Omega2, sum8));
+            let t12 = fma(kept10, t3, fma(kept11, Omega2, sum9)) - fma(kept7, t4, fma(kept12, Omega3, sum10));
+            let t13 = fma(kept13, t3, fma(kept2, beta_dot, sum11));
+            let t14 = fma(kept9, t3, fma(kept11, Omega1, sum12)) + t13;
+            let t15 = fma(kept13, t4, fma(kept3, beta_dot, sum13));
+            let t16 = fma(kept9, t4, fma(kept12, Omega1, sum14)) + t15;
             // accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
-            let t16 = fma(kept8, t7, fma(kept14, Omega3, sum15)) + fma(kept12, t6, fma(kept13, alpha_dot, sum14)) - fma(kept6, t8, fma(kept15, Omega2, sum16));
-            let t17 = -(fma(kept5, t8, fma(kept15, Omega1, sum18)) + fma(kept4, t5, fma(kept16, t4, sum17)));
-            let t18 = fma(kept12, t1, fma(kept1, alpha_dot, sum19)) + t7;
-            let t19 = fma(kept12, t0, fma(kept0, alpha_dot, sum20)) + t5;
-            let t20 = fma(kept5, t18, fma(kept18, Omega1, sum22)) + fma(kept6, t19, fma(kept17, Omega2, sum21));
-            let t21 = t12 + t13;
-            let t22 = t14 + t15;
-            let t23 = fma(kept8, t21, fma(kept20, Omega3, sum24)) + fma(kept6, t22, fma(kept19, Omega2, sum23));
-            let t24 = beta_dot + Omega1;
-            let t25 = fma(kept5, t15, fma(kept23, Omega1, sum26)) + fma(kept21, t24, fma(kept22, t14, sum25)) - fma(kept8, t11, fma(kept24, Omega3, sum27));
-            let t26 = -(fma(kept5, t13, fma(kept26, Omega1, sum29)) + fma(kept25, t24, fma(kept22, t12, sum28))) - fma(kept6, t11, fma(kept24, Omega2, sum30));
+            let t17 = fma(kept7, t10, fma(kept15, Omega3, sum16)) + fma(kept4, t8, fma(kept14, t0, sum15)) - fma(kept10, t11, fma(kept16, Omega2, sum17));
+            let t18 = fma(kept0, t7, fma(kept6, t1, sum18));
+            let t19 = -(fma(kept7, t6, fma(kept18, Omega3, sum20)) + fma(kept4, t18, fma(kept17, t0, sum19))) - fma(kept9, t11, fma(kept16, Omega1, sum21));
+            let t20 = t8 + t10;
+            let t21 = t18 + t6;
+            let t22 = fma(kept10, t21, fma(kept20, Omega2, sum23)) + fma(kept9, t20, fma(kept19, Omega1, sum22));
+            let t23 = t13 + t14;
+            let t24 = t15 + t16;
+            let t25 = fma(kept10, t24, fma(kept22, Omega2, sum25)) + fma(kept7, t23, fma(kept21, Omega3, sum24));
+            let t26 = beta_dot + Omega1;
+            let t27 = fma(kept9, t16, fma(kept25, Omega1, sum27)) + fma(kept23, t26, fma(kept24, t15, sum26)) - fma(kept7, t12, fma(kept26, Omega3, sum28));
+            let t28 = -(fma(kept9, t14, fma(kept28, Omega1, sum30)) + fma(kept27, t26, fma(kept24, t13, sum29))) - fma(kept10, t12, fma(kept26, Omega2, sum31));
             // forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-            let t27 = fma(kept0, t16, fma(kept27, t0, sum31));
-            let t28 = fma(kept28, t1, sum32);
-            let t29 = fma(self.c5, alpha, -t27) - fma(kept1, t17, t28);
-            let t30 = fma(-self.c33, fma(kept3, t26, fma(kept30, t3, sum34)) + fma(kept2, t25, fma(kept29, t2, sum33)), self.c6 * beta);
-            let t31 = self.c1 * t3;
-            let t32 = self.c7 * Omega3;
-            let t33 = fma(kept31, Omega2, fma(kept6, t32, sum35)) - fma(kept0, t20, fma(kept32, t0, sum36)) - fma(kept33, t25, fma(kept29, t9, sum37)) - fma(kept30, t31, fma(kept34, t26, sum38));
-            let t34 = self.c8 * Omega3;
-            let t35 = self.c9 * Omega2;
+            let t29 = fma(kept0, t17, fma(kept29, t1, sum32));
+            let t30 = fma(self.c4, alpha, -t29) - fma(kept1, t19, fma(kept30, t2, sum33));
+            let t31 = fma(kept31, t3, sum34);
+            let t32 = fma(kept32, t4, sum35);
+            let t33 = fma(self.c5, beta, -fma(kept2, t27, t31)) - fma(kept3, t28, t32);
+            let t34 = self.c6 * Omega3;
+            let t35 = self.c7 * t9;
+            let t36 = self.c8 * Omega3;
+            let t37 = self.c9 * Omega2;
             // mass matrix A = W^T L_yy Psi
-            let t36 = fma(R::from_f64(2.5), t3, t2);
-            let t37 = self.c2 * t36;
-            let t38 = fma(kept0, t1, fma(kept7, t0, sum45));
-            let t39 = fma(kept9, t9, fma(kept33, t3, sum48));
+            let t38 = fma(R::from_f64(2.5), t4, t3);
+            let t39 = self.c2 * t38;
+            let t40 = fma(kept0, t9, fma(kept8, t1, sum45));
+            let t41 = fma(kept12, t3, fma(kept11, t4, sum48));
             // factors of A
-            let t40 = self.c0 * t1;
-            let t41 = self.c35 * t37;
-            let t42 = fma(self.c11, t36, fma(kept38, t0, sum44)) - fma(kept42, t41, fma(kept43, t37, sum50));
-            let t43 = kept44 * fma(-kept45, t42, t38 - sum51);
-            let t44 = fma(kept33, t10, fma(kept10, t9, sum47)) + fma(kept39, t1, sum46) - fma(kept46, t43, fma(kept45, t38, sum52));
-            let t45 = kept47 * fma(-kept48, t44, t39 - sum53);
-            let t46 = fma(self.c15, fma(kept41, t1, sum46), fma(self.c13, t3, self.c34 * fma(kept40, t3, sum49))) - fma(kept49, t45, fma(kept48, t39, sum54));
+            let t42 = self.c13 * t2;
+            let t43 = fma(self.c10, t38, fma(kept0, t5, fma(kept5, t1, sum44))) - fma(kept42, t39, sum51);
+            let t44 = kept43 * fma(-kept44, t43, t40 - sum52);
+            let t45 = fma(kept8, t35, fma(kept36, t9, sum47)) + fma(kept39, t3, sum46) - fma(kept45, t44, fma(kept44, t40, sum53));
+            let t46 = kept46 * fma(-kept47, t45, t41 - sum54);
+            let t47 = fma(self.c16, fma(kept40, t2, sum49), fma(self.c14, t4, fma(kept41, t4, sum50))) - fma(kept48, t46, fma(kept47, t41, sum55));
             // substitution through the factors of A
-            let t47 = t33 - fma(kept50, t41, fma(kept43, t30, sum55));
-            let t48 = fma(kept45, t47, fma(kept51, t43, sum56)) + (fma(kept7, t20, fma(kept32, t1, sum40)) + fma(kept35, Omega1, fma(kept5, t34, sum39)) - fma(kept33, t23, fma(kept36, t9, sum41)));
-            let t49 = fma(kept36, t31, fma(kept34, t23, sum43)) + (fma(kept5, t35, fma(kept37, Omega1, sum42)) - t27 - fma(kept7, t17, t28)) - fma(kept52, t40, fma(kept53, t29, sum57));
-            let t50 = kept56 * fma(-kept55, t46, fma(kept48, t48, fma(kept54, t45, sum58)) + t49 - sum59);
-            let t51 = kept47 * fma(-kept57, t44, t48 - sum60);
-            let t52 = fma(kept48, t50, fma(kept55, t45, sum61)) + t51;
-            let t53 = kept44 * fma(-kept58, t42, t47 - sum62);
-            let t54 = fma(kept45, t52, fma(kept59, t43, sum63)) + t53;
-            let t55 = order * alpha;
-            let t56 = order * beta;
+            let t48 = fma(kept33, Omega2, fma(kept10, t34, sum36)) - fma(kept11, t27, t31) - fma(kept12, t28, t32) - fma(kept0, t22, fma(kept34, t1, sum37)) - fma(kept49, t39, fma(kept50, t33, sum56));
+            let t49 = fma(kept44, t48, fma(kept51, t44, sum57)) + (fma(kept34, t35, fma(kept36, t22, sum39)) + fma(kept35, Omega1, fma(kept9, t36, sum38)) - fma(kept11, t25, fma(kept37, t3, sum40)));
+            let t50 = fma(kept12, t25, fma(kept37, t4, sum43)) + (fma(kept9, t37, fma(kept38, Omega1, sum41)) - t29 - fma(kept30, t35, fma(kept36, t19, sum42))) - fma(kept52, t42, fma(kept53, t30, sum58));
+            let t51 = kept56 * fma(-kept55, t47, fma(kept47, t49, fma(kept54, t46, sum59)) + t50 - sum60);
+            let t52 = kept46 * fma(-kept57, t45, t49 - sum61);
+            let t53 = fma(kept47, t51, fma(kept55, t46, sum62)) + t52;
+            let t54 = kept43 * fma(-kept58, t43, t48 - sum63);
+            let t55 = fma(kept44, t53, fma(kept59, t44, sum64)) + t54;
+            let t56 = order * alpha;
+            let t57 = order * beta;
             workspace.0.push(
-                [t55, t55, t56, t56, t0, t1, t0, t1, t3, t10, t2, t10, t3, t3, t6, t7],
-                [
-                    t1, t0, t3, t2, t4, t4, Omega1, Omega2, Omega3, Omega2, beta_dot, Omega1, beta_dot, Omega1, alpha_dot,
-                    Omega3,
-                ],
+                [t56, t56, t57, t57, t0, t2, t9, t5, t9, t3, t4, t3, t3, t4, t4, t0],
+                [t2, t1, t4, t3, t5, t7, Omega3, Omega1, Omega2, Omega2, Omega3, beta_dot, Omega1, beta_dot, Omega1, t8],
             );
             workspace.1.push(
-                [t8, t4, t8, t1, t0, t19, t18, t22, t21, t14, t15, t11, t12, t13, t11, t0],
+                [t10, t11, t1, t0, t6, t11, t20, t21, t23, t24, t15, t16, t12, t13, t14, t12],
                 [
-                    Omega2, t5, Omega1, alpha_dot, alpha_dot, Omega2, Omega1, Omega2, Omega3, t24, Omega1, Omega3, t24,
-                    Omega1, Omega2, t16,
+                    Omega3, Omega2, t7, t18, Omega3, Omega1, Omega1, Omega2, Omega3, Omega2, t26, Omega1, Omega3, t26, Omega1,
+                    Omega2,
                 ],
             );
             workspace.2.push(
-                [t1, t2, t3, t32, t0, t9, t26, t34, t1, t9, t35, t23, t0, t0, t1, t9],
-                [t17, t25, t26, Omega2, t20, t25, t31, Omega1, t20, t23, Omega1, t31, t0, t1, t1, t10],
+                [t1, t2, t3, t4, t34, t1, t36, t22, t3, t37, t19, t4, t1, t1, t3, t9],
+                [t17, t19, t27, t28, Omega2, t22, Omega1, t35, t25, Omega1, t35, t25, t5, t9, t3, t35],
             );
             workspace.3.push(
-                [t3, t3, t37, t42, t38, t44, t39, t30, t43, t29, t45, t46, t44, t45, t42, t43],
-                [t9, t3, t41, t43, t43, t45, t45, t41, t47, t40, t48, t50, t51, t50, t53, t52],
+                [t3, t2, t4, t39, t43, t40, t45, t41, t33, t44, t30, t46, t47, t45, t46, t43],
+                [t4, t2, t4, t39, t44, t44, t46, t46, t39, t48, t42, t49, t51, t52, t51, t54],
             );
             workspace.4.push(
-                [t41, t40],
-                [t54, t50],
+                [t44, t39, t42],
+                [t53, t55, t51],
             );
             let derivative = [
                 alpha_dot,
                 beta_dot,
-                t29 - fma(kept53, t50, fma(kept55, t40, sum65)),
-                fma(self.c36, t30, -fma(kept43, t54, fma(kept60, t41, sum64))),
-                t54,
-                t52,
-                t50,
+                fma(self.c31, t30, -fma(kept53, t51, fma(kept55, t42, sum66))),
+                t33 - fma(kept50, t55, fma(kept60, t39, sum65)),
+                t55,
+                t53,
+                t51,
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

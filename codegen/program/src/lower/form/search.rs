@@ -39,9 +39,12 @@ const MAX_TERMS_EACH: usize = 4;
 /// derived, with common divisors extracted: the budget allows trials of a small part of their definitions. The
 /// derivatives of an arm of seven joints have 3630 definitions and 10,280 terms.
 const LONG: Size = Size { definitions: 2000, terms: 6000 };
-/// A form to begin with that has so many times the terms of the function as it was derived is not tried: it takes the
-/// budget of the search and costs more. Of the 1845 such forms of the shipped scenes 593 cost less, and had at most 2.3
-/// times the terms; the 134 of more than four times took 269 of the 283 s of all of them.
+/// Functions other than rates begin with no form that has so many times their terms: it takes the budget of the search,
+/// and costs more. Of the 1845 forms that searches of the shipped scenes began with 593 cost less than the function as
+/// it was derived, and had at most 2.3 times its terms. The 134 of more than four times took 269 of 283 s.
+///
+/// Searches of rates begin with these forms as well. What is left of the budget decides where such a search ends: with
+/// more of it most rates take fewer operations, but those of the satellite with two arms take one more.
 const MUCH_LONGER: usize = 4;
 /// What the cost of a candidate that is tried as a whole may be above that of the best form, by what can be seen near
 /// its definition, in one search after the other: two operations, eight, thirty-two.
@@ -155,7 +158,10 @@ impl Search<'_> {
     /// The form to begin with: as it was, multiplied out, over denominators, or both, unless that is [`MUCH_LONGER`].
     fn start(&mut self, original: Vec<Entry>) -> Found {
         let mut current = original;
-        let most = MUCH_LONGER * n_terms(&current, &needed(self.system, &current, self.roots));
+        let most = match self.keeps_digits {
+            true => usize::MAX,
+            false => MUCH_LONGER * n_terms(&current, &needed(self.system, &current, self.roots)),
+        };
         let mut best = self.extracted(&current);
         let flat = self.all_flat(&current, most);
         // What could only be multiplied out in part because its numbers grew is not worth the trial.
