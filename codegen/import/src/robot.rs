@@ -173,8 +173,7 @@ pub(crate) struct End {
     pub(crate) pose: Option<Pose>,
 }
 
-/// Two links that the tree does not join: frames of both stay together, or
-/// what a joint holds of them.
+/// Two links that the tree does not join: frames of both stay together, or what a joint holds of them.
 #[derive(Clone, Debug)]
 pub(crate) struct Loop {
     pub(crate) name: String,
