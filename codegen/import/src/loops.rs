@@ -5,9 +5,9 @@
 //! way with a free motion begins in space, and so does the other one. Of two frames the rotation `T = A^T B` from one
 //! to the other is the identity: its antisymmetric part vanishes, three equations that are independent there. It leaves
 //! an axis `a` where that is if `a x T a = 0`: two components of these, as the one of the largest component of `a`
-//! follows. A cross between axes `a`, `b` of both keeps `a . T b`; a slide along `a` keeps `T` and `a x A^T d`, with `d`
-//! from one origin to the other. Where everything turns about one axis of coordinates, equations along it are left out,
-//! as they always hold.
+//! follows. A cross between axes `a`, `b` of both keeps `a . T b`; a slide along `a` keeps `T` and `a x A^T d`, with
+//! `d` from one origin to the other. Where everything turns about one axis of coordinates, equations along it are left
+//! out, as they always hold.
 //!
 //! Deliberately does not know: XML, energies.
 

@@ -43,8 +43,8 @@ const LONG: Size = Size { definitions: 2000, terms: 6000 };
 /// and costs more. Of the 1845 forms that searches of the shipped scenes began with 593 cost less than the function as
 /// it was derived, and had at most 2.3 times its terms. The 134 of more than four times took 269 of 283 s.
 ///
-/// Searches of rates begin with these forms as well. What is left of the budget decides where such a search ends: with
-/// more of it most rates take fewer operations, but those of the satellite with two arms take one more.
+/// Searches of rates begin with these forms as well. The rest of their budget decides where they end: with more of it
+/// most rates take fewer operations, but rates of the satellite with two arms take one more.
 const MUCH_LONGER: usize = 4;
 /// What the cost of a candidate that is tried as a whole may be above that of the best form, by what can be seen near
 /// its definition, in one search after the other: two operations, eight, thirty-two.
